@@ -1,0 +1,3 @@
+"""Multi-view 3D shape recognition that chooses its own cameras."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,110 @@
+"""`mvtn train`: from stored shapes to a trained classifier, measured, with its report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mvtn_cli.commands.eval import measure
+from mvtn_cli.commands.options import Call
+from mvtn_cli.commands.sources import open_shapes
+from mvtn_cli.config import TrainConfig, TrainOptions
+from mvtn_cli.console import duration
+from mvtn_cli.errors import DataError
+
+if TYPE_CHECKING:
+    from mvtn_cli.core.preprocess import Prepared
+    from mvtn_cli.core.training.run import Run
+
+SCHEMA = "mvtn.train/1"
+
+
+def train(options: TrainOptions, call: Call) -> None:
+    """Train a multi-view classifier whose cameras learn where to stand, then measure it on the test shapes.
+
+    Ctrl-C saves; the same command goes on. --compare trains several view selections on one budget.
+
+    Example: mvtn train builtin:shapes --num-views 4 --epochs 20
+    """
+    config = options.training()
+    if call.dry_run:
+        return _plan(options, config, call)
+    prepared = open_shapes(config.dataset, config, call)
+    if options.compare:
+        return _compare(options, config, prepared, call)
+    from mvtn_cli.core.training.loop import train as train_run
+
+    run = train_run(config, prepared, call.console)
+    result = _measure_if_possible(run, prepared, config, call)
+    document = {"schema": SCHEMA, "run": str(run.path), "test": None, "report": None, "seconds": call.seconds}
+    lines = [f"run\t{run.path}"]
+    if result:
+        document |= {key: result[key] for key in ("report", "known_view")}
+        document["test"] = {key: result[key] for key in ("count", "accuracy", "class_accuracy")}
+        lines += [f"accuracy\t{result['accuracy']:.4f}", f"class_accuracy\t{result['class_accuracy']:.4f}"]
+        lines += [f"report\t{result['report']}"]
+    call.console.result(document, "\n".join(lines))
+    then = f"open {result['report']}, or mvtn predict FILES" if result else "mvtn predict FILES"
+    call.console.note(f"trained {run.path} in {duration(call.seconds)}; next: {then}")
+    return None
+
+
+def _measure_if_possible(
+    run: Run, prepared: Prepared, config: TrainConfig, call: Call
+) -> dict[str, Any] | None:
+    """Measure on the test split; a data set without one is trained all the same."""
+    try:
+        return measure(run, prepared, call, device=config.device, threads=config.threads)
+    except DataError as error:
+        if error.code != "dataset.empty-split":
+            raise
+        call.console.warn(f"not measured: {error.message}")
+        return None
+
+
+def _compare(options: TrainOptions, config: TrainConfig, prepared: Prepared, call: Call) -> None:
+    from mvtn_cli.core.training.compare import compare
+
+    table = compare(config, options.selections(), options.seeds, prepared, call.console)
+    rows = [
+        (entry["selection"], *(f"{100 * value:.1f}" for value in (entry["mean"], entry["sd"])))
+        for entry in table["selections"]
+    ]
+    title = f"test accuracy, % over {options.seeds} seeds"
+    call.console.table(title, ["views", "mean", "sd"], rows, stream="out")
+    rows = [
+        (f"{entry['b']} - {entry['a']}", *(f"{100 * entry[key]:+.1f}" for key in ("mean", "low", "high")))
+        for entry in table["differences"]
+    ]
+    title = "paired differences, points, with their 95 % interval"
+    call.console.table(title, ["difference", "mean", "low", "high"], rows, stream="out")
+    call.console.result({"schema": "mvtn.compare/1", **table, "seconds": call.seconds})
+    call.console.note(f"compared in {table['path']}, {duration(call.seconds)}; next: mvtn eval RUN")
+
+
+def _plan(options: TrainOptions, config: TrainConfig, call: Call) -> None:
+    """Say what would be trained on what. Nothing is written, so the shapes are counted and not opened."""
+    from mvtn_cli.core.datasets import open_dataset
+    from mvtn_cli.core.preprocess import choose_dataset
+
+    dataset = open_dataset(choose_dataset(config.dataset, config, call.console))
+    trainings = len(options.selections()) * options.seeds or 1
+    shapes = min(dataset.count("train"), config.train_limit or dataset.count("train"))
+    plan = {
+        "dataset": dataset.spec,
+        "classes": len(dataset.classes),
+        "train": shapes,
+        "test": dataset.count("test"),
+        "views": ",".join(options.selections()) or config.views,
+        "num_views": config.num_views,
+        "image_size": config.image_size,
+        "backbone": config.backbone,
+        "epochs": config.epochs,
+        "steps": config.epochs * -(-shapes // config.batch_size),
+        "trainings": trainings,
+        "runs": str(config.runs),
+    }
+    call.console.result(
+        {"schema": SCHEMA, "dry_run": True, **plan},
+        "\n".join(f"{key}\t{value}" for key, value in plan.items()),
+    )
+    call.console.note("nothing was written: this was a dry run")

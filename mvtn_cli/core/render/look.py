@@ -1,0 +1,118 @@
+"""Everything in the picture that is neither shape nor camera: light, colour, background, size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import torch
+
+from mvtn_cli.errors import UsageError
+
+WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+# (ambient, diffuse, specular, shininess). `studio` has contrast and no highlight, so the renderer skips that term;
+# `paper` is what the released code inherits from PyTorch3D's defaults.
+MATERIALS = {"studio": (0.25, 0.75, 0.0, 64.0), "paper": (0.5, 0.3, 0.2, 64.0)}
+
+
+class LookSettings(Protocol):
+    """The fields of a configuration that decide about the look."""
+
+    image_size: int
+    look: str
+    color: str
+    light: str
+    shading: str
+    supersample: int
+    point_radius: float
+
+
+@dataclass(frozen=True)
+class Look:
+    """How B shapes are lit and drawn.
+
+    Attributes:
+        image_size: Height and width in pixels.
+        kind: "mesh" or "points".
+        colors: (B, 3) float32 in [0, 1], multiplied with vertex or point colours where there are some.
+        light_direction: (B, 3) float32 unit vectors towards the light, world frame; None is a headlight.
+        background: RGB in [0, 1].
+        ambient, diffuse, specular, shininess: Of the one light; points are drawn in their plain colour.
+        shading: "smooth" (interpolated normals) or "flat".
+        supersample: Samples per pixel along each axis.
+        point_radius: World radius of a point's disc, in shape radii.
+    """
+
+    image_size: int
+    kind: str
+    colors: np.ndarray
+    light_direction: np.ndarray | None = None
+    background: tuple[float, float, float] = BLACK
+    ambient: float = 0.25
+    diffuse: float = 0.75
+    specular: float = 0.0
+    shininess: float = 64.0
+    shading: str = "smooth"
+    supersample: int = 2
+    point_radius: float = 0.02
+
+    @property
+    def material(self) -> np.ndarray:
+        """The row (ambient, diffuse, specular, shininess) that the kernels take."""
+        return np.array([self.ambient, self.diffuse, self.specular, self.shininess])
+
+    @classmethod
+    def evaluation(cls, settings: LookSettings, count: int, kind: str) -> Look:
+        """White shapes under a headlight (paper, section 4: the test look)."""
+        return cls(colors=np.ones((count, 3), np.float32), **_common(settings, kind))
+
+    @classmethod
+    def training(cls, settings: LookSettings, count: int, kind: str, generator: torch.Generator) -> Look:
+        """Random colour and light per shape, where the settings ask for them (paper, section 4)."""
+        colors = np.ones((count, 3), np.float32)
+        if settings.color == "random":
+            drawn = 0.2 + 0.8 * torch.rand((count, 3), generator=generator)
+            colors = (drawn / drawn.amax(1, keepdim=True)).numpy()
+        light = None
+        if settings.light == "random":
+            drawn = torch.randn((count, 3), generator=generator)
+            light = (drawn / drawn.norm(dim=1, keepdim=True).clamp_min(1e-6)).numpy()
+        return cls(colors=colors, light_direction=light, **_common(settings, kind))
+
+
+def _common(settings: LookSettings, kind: str) -> dict:
+    ambient, diffuse, specular, shininess = MATERIALS[settings.look]
+    look = {
+        "image_size": settings.image_size,
+        "kind": kind,
+        "background": WHITE if settings.look == "paper" and kind == "mesh" else BLACK,
+        "ambient": ambient,
+        "diffuse": diffuse,
+        "specular": specular,
+        "shininess": shininess,
+        "shading": settings.shading,
+        "supersample": settings.supersample,
+        "point_radius": settings.point_radius,
+    }
+    return look
+
+
+def check_look(look: Look) -> None:
+    """Refuse a look in which no shape can be seen.
+
+    Raises:
+        UsageError: Every radiance that the shape can take equals the background (white on white, zero light).
+    """
+    if look.kind == "points":
+        low, high = look.colors.min(0), look.colors.max(0)
+    else:
+        low = look.ambient * look.colors.min(0)
+        high = (look.ambient + look.diffuse) * look.colors.max(0) + look.specular
+    background = np.asarray(look.background)
+    if np.abs(low - background).max() < 1e-3 and np.abs(high - background).max() < 1e-3:
+        raise UsageError(
+            f"{look.kind} of this colour and light cannot be told from the background {look.background}",
+            hint="choose another background, colour or light; a white shape needs a background that is not white",
+            code="look.invisible",
+        )

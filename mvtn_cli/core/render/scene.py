@@ -1,0 +1,97 @@
+"""The one call: `render(batch, cameras, look)`."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from mvtn_cli.core.render.batch import ShapeBatch
+from mvtn_cli.core.render.look import Look
+from mvtn_cli.core.render.mesh import EdgeFlow, FiniteDifferences, MeshScene, camera_matrices, focal_pixels
+from mvtn_cli.core.render.points import RenderPoints
+from mvtn_cli.core.views import Cameras
+from mvtn_cli.errors import DataError
+
+GRADIENTS = ("edge-flow", "fd", "none")
+
+
+@dataclass(frozen=True)
+class Images:
+    """What `render` gives.
+
+    Attributes:
+        rgb: (B, M, 3, H, W) float32 in [0, 1]; carries the gradient to the cameras.
+        face_ids: (B, M, H, W) int32, -1 for background, on request ("geometry"); meshes only.
+        depth: (B, M, H, W) float32 distance along the optical axis in radii, 0 for background, on request.
+        normals: (B, M, 3, H, W) float32 world normals towards the eye, 0 for background, on request.
+    """
+
+    rgb: torch.Tensor
+    face_ids: np.ndarray | None = None
+    depth: np.ndarray | None = None
+    normals: np.ndarray | None = None
+
+
+def render(
+    batch: ShapeBatch,
+    cameras: Cameras,
+    look: Look,
+    *,
+    gradient: str = "edge-flow",
+    fd_step_deg: float = 2.0,
+    outputs: Collection[str] = (),
+) -> Images:
+    """Draw every shape of the batch from each of its M cameras.
+
+    Args:
+        batch: B shapes.
+        cameras: (B, M) cameras; tensors of another device are rendered on the CPU and copied back.
+        look: Light, colour, size; its `kind` says whether faces or points are drawn.
+        gradient: Carries a gradient to azimuth, elevation and distance: "edge-flow" analytically, "fd" by central
+            differences of the image itself; points have their exact one with both. "none" carries none.
+        fd_step_deg: Step of `fd`, degrees.
+        outputs: "geometry" asks for face ids, depth and normals (meshes).
+
+    Raises:
+        DataError: Faces are asked of a shape that has none.
+        ValueError: An unknown gradient mode.
+    """
+    if gradient not in GRADIENTS:
+        raise ValueError(f"gradient must be one of {GRADIENTS}, got {gradient!r}")
+    if gradient == "none":
+        cameras = cameras.detach()
+    if look.kind == "points":
+        return Images(rgb=_points(batch, cameras, look))
+    if not batch.has_meshes:
+        empty = [name for name, n in zip(batch.names, np.diff(batch.offsets[1]), strict=False) if n == 0]
+        raise DataError(
+            f"no faces to draw in {', '.join(empty[:3]) or 'this batch'}", hint="draw points instead: --render points"
+        )
+    scene = MeshScene(batch, look, cameras.fov_deg)
+    parameters = (cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
+    matrices = camera_matrices(*parameters)
+    if gradient == "fd" and matrices.requires_grad:
+        rgb = FiniteDifferences.apply(*parameters, scene, fd_step_deg)
+    else:
+        rgb = EdgeFlow.apply(matrices, scene).to(cameras.azimuth_deg.device)
+    if "geometry" not in outputs:
+        return Images(rgb=rgb)
+    ids, depth, normals = scene.geometry(matrices.detach().numpy())
+    return Images(rgb=rgb, face_ids=ids, depth=depth, normals=normals)
+
+
+def _points(batch: ShapeBatch, cameras: Cameras, look: Look) -> torch.Tensor:
+    colors = np.repeat(look.colors[:, None], batch.points.shape[1], 1)
+    if batch.point_colors is not None:
+        colors = colors * batch.point_colors
+    focal = focal_pixels(look.image_size, cameras.fov_deg)
+    points = np.ascontiguousarray(batch.points.cpu().numpy(), np.float64)
+    matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
+    images = RenderPoints.apply(
+        matrices, points, np.ascontiguousarray(colors, np.float64), focal, look.point_radius, look.background,
+        look.image_size,
+    )  # fmt: skip
+    return images.to(cameras.azimuth_deg.device)

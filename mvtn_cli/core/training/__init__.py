@@ -1,0 +1,1 @@
+"""The one training loop, runs on disk, going on, comparing and predicting."""

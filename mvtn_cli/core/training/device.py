@@ -1,0 +1,38 @@
+"""Which device and how many threads."""
+
+from __future__ import annotations
+
+import numba
+import torch
+
+from mvtn_cli.errors import UsageError
+
+
+def choose_device(name: str = "auto") -> torch.device:
+    """Turn `--device` into a device; `auto` is CUDA where there is any, else the CPU.
+
+    Raises:
+        UsageError: This machine, or this torch, does not have it.
+    """
+    if name == "auto":
+        return torch.device("cuda", 0) if torch.cuda.is_available() else torch.device("cpu")
+    device = torch.device(name)
+    missing = (
+        (device.type == "cuda" and (device.index or 0) >= torch.cuda.device_count())
+        or (device.type == "mps" and not torch.backends.mps.is_available())
+    )  # fmt: skip
+    if missing:
+        raise UsageError(
+            f"device '{name}' is not there (torch {torch.__version__})",
+            hint="use --device cpu, or see what `mvtn doctor` says about this machine",
+            code="device.missing",
+        )
+    return torch.device("cuda", device.index or 0) if device.type == "cuda" else device
+
+
+def use_threads(threads: int | None) -> None:
+    """Let networks and renderer use this many CPU threads; None leaves both as they are."""
+    if threads is None:
+        return
+    torch.set_num_threads(threads)
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]

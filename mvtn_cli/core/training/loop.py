@@ -1,0 +1,223 @@
+"""The one training loop."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from lightning_fabric import Fabric
+
+from mvtn_cli.config import TrainConfig
+from mvtn_cli.console import Console
+from mvtn_cli.core.networks.recogniser import build_recogniser
+from mvtn_cli.core.render import Look
+from mvtn_cli.core.training import judge, learner, schedules, watch
+from mvtn_cli.core.training.device import choose_device, use_threads
+from mvtn_cli.core.training.find import find_or_create_run
+from mvtn_cli.core.training.position import Position, restore, save
+from mvtn_cli.core.training.randomness import epoch_batches, step_generator, step_seed
+from mvtn_cli.core.training.run import Run
+from mvtn_cli.core.training.shapes import load_batch
+from mvtn_cli.core.training.signals import StopNow, StopRequest
+from mvtn_cli.core.training.split import Indices, shown_indices, training_indices
+from mvtn_cli.errors import Interrupted, MvtnError
+
+SAVE_EVERY_SECONDS = 60.0
+SHOWN_SHAPES = 8
+
+
+def train(
+    config: TrainConfig,
+    prepared: Any,
+    console: Console,
+    *,
+    stop: Callable[[], bool] | None = None,
+    name: str | None = None,
+    reuse_finished: bool = False,
+) -> Run:
+    """Train a recogniser, or go on with a training that was interrupted.
+
+    Args:
+        config: The settings.
+        prepared: The data set.
+        console: Where progress, one line an epoch and warnings go.
+        stop: Asked after each step; True has the effect of Ctrl-C.
+        name: The run's folder in `config.runs`; None is `config.name`, or else made from the settings.
+        reuse_finished: Give back a finished run of the same settings instead of beginning another.
+
+    Returns:
+        The finished run.
+
+    Raises:
+        Interrupted: Ctrl-C or a terminate signal; everything is saved, the hint says how to go on.
+        UsageError: A named run was begun with other settings; nothing can be seen in the pictures; the views
+            can't learn.
+        MvtnError: Too many steps in a row without finite numbers; another process trains this run.
+    """
+    watch.check_views_can_learn(config)
+    indices = training_indices(config, prepared)
+    run = find_or_create_run(
+        config, prepared, config.runs, name or config.name, console, reuse_finished=reuse_finished
+    )
+    if run.finished:
+        return run
+    with run.lock(), StopRequest(console, stop) as stopping:
+        run.set_state("running", selected_by=indices.selected_by)
+        try:
+            _train(run, config, prepared, indices, console, stopping)
+        except MvtnError as error:
+            run.set_state("interrupted", reason=error.message)
+            raise
+        run.set_state("finished", seconds=round(sum(line["seconds"] for line in run.metrics()), 3))
+    return run
+
+
+def _train(
+    run: Run, config: TrainConfig, prepared: Any, indices: Indices, console: Console, stopping: StopRequest
+) -> None:
+    """From the first step, or the one after the last that was saved, to the end."""
+    shown = shown_indices(indices, [record.label for record in prepared.records], SHOWN_SHAPES)
+    if config.select == "test":
+        console.warn(
+            "the best epoch is chosen on the test split, so the test accuracy will flatter the network"
+        )
+    if not indices.select:
+        console.note("no shapes choose the best epoch: the last one is taken")
+
+    # Networks and optimisers: classifier and viewpoint network have one each, with rates of their own.
+    use_threads(config.threads)
+    device = choose_device(config.device)
+    fabric = Fabric(accelerator=device.type, devices=[device.index] if device.type == "cuda" else 1)
+    fabric.launch()
+    model = build_recogniser(config, len(prepared.classes))
+    optimisers = learner.build_optimisers(model, config)
+    loss_of, *stepping = fabric.setup(learner.Learner(model, config.label_smoothing), *optimisers.values())
+    viewpoints = dict(zip(optimisers, stepping, strict=True)).get(learner.VIEWPOINTS)
+
+    # Where it stands, and what the cameras see before they learn.
+    position = restore(run, model, optimisers)
+    steps = len(epoch_batches(indices.train, config.batch_size, config.seed, 0))
+    pictures_checked, collapse_told, saved = False, False, time.monotonic()
+    if position == Position():
+        judge.keep_views(run, "start", judge.look_at(model, prepared, shown, config))
+
+    while position.epoch < config.epochs:
+        epoch, tally = position.epoch, position.tally
+        batches = epoch_batches(indices.train, config.batch_size, config.seed, epoch)
+        began = time.monotonic() - tally.seconds
+        model.train()
+        with console.progress(f"epoch {epoch + 1}/{config.epochs}", steps) as ticker:
+            ticker.advance(position.step)
+            while position.step < steps:
+                # Schedules, and the randomness of this step: all from (seed, epoch, step).
+                step = position.step
+                done = (epoch * steps + step + 0.5) / (config.epochs * steps)
+                explore_deg = schedules.set_all(config, optimisers, done)
+                generator = step_generator(config.seed, epoch, step)
+                torch.manual_seed(step_seed(config.seed, epoch, step))
+
+                # Forward and backward.
+                batch, kind = load_batch(prepared, batches[step], config.render)
+                look = Look.training(config, len(batch), kind, generator)
+                buffers = learner.copy_buffers(model)
+                loss, logits, images = loss_of(batch, look, explore_deg, generator)
+                if not pictures_checked:
+                    watch.check_something_is_seen(images)
+                    pictures_checked = True
+                for optimiser in optimisers.values():
+                    optimiser.zero_grad(set_to_none=True)
+                if torch.isfinite(loss):
+                    fabric.backward(loss)
+
+                # Clip, then step; or else leave everything as it was before this batch.
+                trouble = watch.not_finite(loss, optimisers)
+                if trouble is None:
+                    if viewpoints is not None:
+                        norm = fabric.clip_gradients(loss_of, viewpoints, max_norm=config.clip)
+                        tally.gradient_norms.append(float(norm or 0.0))
+                    for optimiser in stepping:
+                        optimiser.step()
+                    tally.add(float(loss.detach()), int((logits.argmax(1).cpu() == batch.labels).sum()), len(batch))
+                    position.bad_in_a_row = 0
+                else:
+                    learner.restore_buffers(model, buffers)
+                    tally.skipped += 1
+                    position.bad_in_a_row += 1
+                    where = f"epoch {epoch + 1}, batch {step + 1} ({_some(batch.names)})"
+                    console.warn(f"{trouble} is not finite in {where}: this step is left out")
+                position.step += 1
+                tally.seconds = time.monotonic() - began
+
+                # Save what has been reached, and end early if that is asked for or needed.
+                ticker.advance()
+                ticker.note(_step_line(position))
+                hopeless, asked = position.bad_in_a_row >= config.max_bad_steps, stopping()
+                if hopeless or asked or time.monotonic() - saved >= SAVE_EVERY_SECONDS:
+                    save(run, position, model, optimisers)
+                    saved = time.monotonic()
+                if hopeless:
+                    raise _hopeless(run, position)
+                if asked:
+                    raise _interrupted(run, position, steps)
+
+        # Judge the epoch by the shapes that choose the best one.
+        try:
+            judged = judge.judge_epoch(model, prepared, indices.select, shown, config, stopping.check)
+            better = judge.is_better(judged, position.best)
+            seen = judge.look_at(model, prepared, shown, config, stopping.check) if better else None
+        except StopNow:
+            save(run, position, model, optimisers)
+            raise _interrupted(run, position, steps) from None
+
+        # Write down what came of it: best weights and numbers first, then the state that makes them count.
+        tally.seconds = time.monotonic() - began
+        record = {
+            "epoch": epoch + 1,
+            **tally.summary(),
+            **judged,
+            "lr": optimisers[learner.CLASSIFIER].param_groups[0]["lr"],
+        }
+        if seen is not None:
+            position.best = {key: record[key] for key in ("epoch", "val_accuracy", "val_loss")}
+            judge.keep_best(run, model, {**position.best, "selected_by": indices.selected_by}, seen)
+        run.append_metrics(record)
+        position.next_epoch()
+        save(run, position, model, optimisers)
+        saved = time.monotonic()
+        console.note(judge.epoch_line(record, config.epochs, better))
+        if not collapse_told and (warning := judge.view_warning(record, config)):
+            console.warn(warning)
+            collapse_told = True
+
+
+def _some(names: tuple[str, ...]) -> str:
+    """The first of many names."""
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def _step_line(position: Position) -> str:
+    """How it is going, for the progress bar."""
+    summary = position.tally.summary()
+    parts = [] if summary["train_loss"] is None else [f"loss {summary['train_loss']:.3f}"]
+    if position.best is not None and position.best["val_accuracy"] is not None:
+        parts.append(f"best val {position.best['val_accuracy']:.1%}")
+    return ", ".join(parts)
+
+
+def _interrupted(run: Run, position: Position, steps: int) -> Interrupted:
+    return Interrupted(
+        f"stopped in epoch {position.epoch + 1} after step {position.step} of {steps}; saved in {run.path}",
+        hint=f"go on with the same command, or: mvtn train --config {shlex.quote(str(run.config_path))}",
+    )
+
+
+def _hopeless(run: Run, position: Position) -> MvtnError:
+    return MvtnError(
+        f"{position.bad_in_a_row} steps in a row without finite numbers, up to epoch {position.epoch + 1}, "
+        f"step {position.step}; the weights before them are kept in {run.path}",
+        hint="try a lower --lr or --views-lr; the warnings above name the batches",
+        code="train.not-finite",
+    )

@@ -1,0 +1,1 @@
+"""Slow, plain, float64 twins of what mvtn does fast; only tests import them."""
