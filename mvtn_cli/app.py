@@ -6,8 +6,9 @@ Commands are loaded when they are called: `mvtn --help` must not wait for pydant
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
-import os
+import re
 import signal
 import sys
 import traceback
@@ -19,7 +20,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from mvtn_cli import __version__
-from mvtn_cli.errors import ExitCode, Interrupted, MvtnError, UsageError, nearest
+from mvtn_cli.console import help_style
+from mvtn_cli.errors import ExitCode, MvtnError, UsageError, nearest
 
 
 class Door(NamedTuple):
@@ -38,6 +40,15 @@ COMMANDS = {
     "predict": Door("predict", "Use", "Name the class of each file."),
     "cache": Door("cache", "Look after", "Show or clear the stored shapes."),
     "doctor": Door("doctor", "Look after", "Say what this machine can do, what not, and the fix."),
+}
+
+
+MACHINE_ERRORS = {  # what an operating system refuses that is nobody's bug
+    errno.ENOSPC: "make room: mvtn cache clear, or another --cache or --runs",
+    errno.EDQUOT: "make room: mvtn cache clear, or another --cache or --runs",
+    errno.EACCES: "give a folder of your own: --cache, --runs or --out",
+    errno.EPERM: "give a folder of your own: --cache, --runs or --out",
+    errno.EROFS: "give a folder that can be written: --cache, --runs or --out",
 }
 
 
@@ -71,10 +82,7 @@ class LazyGroup(TyperGroup):
         extra["prog_name"] = "mvtn"
         try:
             code = super().main(words or ["--help"], standalone_mode=False, **extra)
-        except BrokenPipeError:  # the reader has enough, as in `mvtn predict … | head -1`
-            _close_pipes()
-            code = ExitCode.OK
-        except (Exception, KeyboardInterrupt) as error:
+        except Exception as error:
             code = report_error(error, words)
         if standalone_mode:
             sys.exit(int(code or 0))
@@ -108,14 +116,15 @@ def _as_mvtn_error(error: BaseException, words: Sequence[str]) -> MvtnError:
     """Give every exception the four parts of an error: message, hint, code, exit code."""
     if isinstance(error, MvtnError):
         return error
-    if isinstance(error, KeyboardInterrupt | typer.Abort):
-        return Interrupted("interrupted", hint="the same command goes on where it stopped")
     if hasattr(error, "format_message"):  # typer's own, whose class moved from click to typer in 0.26
         return _as_usage_error(error, words)
-    if isinstance(error, MemoryError):
+    told = " ".join(str(error).split()) or "no words"
+    if isinstance(error, MemoryError) or re.search("out of memory|not enough memory", told):
         return MvtnError("out of memory", hint="try a smaller --batch-size or --image-size", code="memory")
-    words = " ".join(str(error).split()) or "no words"
-    message = f"internal error: {type(error).__name__}: {words}"
+    if isinstance(error, OSError) and error.errno in MACHINE_ERRORS:
+        message = f"{error.filename or 'a file'}: {error.strerror}"
+        return MvtnError(message, hint=MACHINE_ERRORS[error.errno], code="machine")
+    message = f"internal error: {type(error).__name__}: {told}"
     return MvtnError(message, hint="run again with --debug", code="internal")
 
 
@@ -136,16 +145,6 @@ def _no_such(what: str, name: str, known: Sequence[str], help_command: str) -> U
     return UsageError(f"unknown {what} '{name}'{guess}", hint=f"see {help_command}", code=f"unknown-{what}")
 
 
-def _close_pipes() -> None:
-    """Point closed streams at nothing, so that Python does not complain when it flushes them at the end."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except BrokenPipeError:
-            with contextlib.suppress(OSError, ValueError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
 def _version(wanted: bool) -> None:
     if wanted:
         sys.stdout.write(f"mvtn {__version__}\n")
@@ -156,6 +155,7 @@ app = typer.Typer(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
+    rich_markup_mode=help_style(),
 )
 
 

@@ -7,68 +7,18 @@ fills a model from option > environment > file > default and remembers which it 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import model_validator
 
 from mvtn_cli.errors import UsageError, choose_error
+from mvtn_cli.fields import Angles, Config, Supersample, option
 
 Selection = Literal["fixed", "jittered", "random", "learned-direct", "learned-circular", "learned-spherical"]
 Layout = Literal["circular", "spherical", "dodecahedral", "icosahedral"]
 SELECTIONS: tuple[str, ...] = get_args(Selection)
+DEVICES = "auto, cpu, cuda, cuda:N or mps"
 SOLIDS = {"dodecahedral": 20, "icosahedral": 12}  # layouts whose number of views is given by their corners
-
-
-OWN = ("metavar", "short", "argument", "also", "words", "flag")
-
-
-def option(default: Any, description: str, panel: str, **more: Any) -> Any:
-    """Describe one field.
-
-    Args:
-        default: The value without any wish; None is written `auto` in files and options.
-        description: The help text.
-        panel: Under which heading `--help` shows it.
-        more: Limits for pydantic (`ge`, `le`, `gt`, `lt`, `pattern`), or for the command line `metavar`,
-            `short`, `argument` (positional; "many" takes several), `also` (further words that the field
-            takes), `words` (says what a pattern allows) and `flag` (without its --no- form).
-    """
-    own: dict[str, Any] = {"panel": panel}
-    own |= {key: more.pop(key) for key in OWN if key in more}
-    return Field(default, description=description, json_schema_extra=own, **more)
-
-
-def _whole(value: Any) -> Any:
-    return int(value) if isinstance(value, str) and value.strip().isdecimal() else value
-
-
-def _several(value: Any) -> Any:
-    if isinstance(value, str):
-        return [part.strip() for part in value.split(",")]
-    return [value] if isinstance(value, int | float) else value
-
-
-Supersample = Annotated[Literal[1, 2, 4], BeforeValidator(_whole)]
-Degrees = Annotated[float, Field(ge=-360, le=360)]
-Angles = Annotated[tuple[Degrees, ...], BeforeValidator(_several), Field(min_length=1, max_length=100)]
-
-
-class Config(BaseModel):
-    """What all commands' settings have in common: no unknown keys, no change afterwards, no NaN."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _auto_is_none(cls, values: Any) -> Any:
-        """Read `auto` as None where None is the default: so a file can say it and an option undo a file."""
-        if not isinstance(values, dict):
-            return values
-        fields = cls.model_fields
-        return {
-            key: None if value == "auto" and key in fields and fields[key].default is None else value
-            for key, value in values.items()
-        }
 
 
 class CachedConfig(Config):
@@ -94,10 +44,10 @@ class MachineConfig(ShapesConfig):
 
     device: str = option(
         "auto",
-        "Where the networks run: auto (CUDA if present, else CPU), cpu, cuda, cuda:N or mps",
+        f"Where networks run: {DEVICES}",
         "Machine",
         pattern=r"^(auto|cpu|cuda(:\d+)?|mps)$",
-        words="auto, cpu, cuda, cuda:N or mps",
+        words=DEVICES,
     )
     threads: int | None = option(None, "CPU threads; auto: all cores", "Machine", ge=1, le=1024)
 
@@ -133,11 +83,41 @@ class PictureConfig(Config):
         "auto", "Draw meshes or points; auto: meshes where a shape has one", "Pictures"
     )
     shading: Literal["smooth", "flat"] = option("smooth", "Normals per vertex or per face", "Pictures")
-    supersample: Supersample = option(2, "Samples a pixel in each direction", "Pictures", metavar="1|2|4")
+    supersample: Supersample = option(1, "Samples a pixel in each direction", "Pictures", metavar="1|2|4")
     point_radius: float = option(0.02, "Radius of a drawn point, shape radii", "Pictures", ge=0.001, le=0.5)
 
 
-class TrainConfig(PictureConfig, RunsConfig, MachineConfig):
+class LayoutConfig(Config):
+    """How many cameras there are, and where they stand before anything is learned."""
+
+    layout: Layout = option("spherical", "Where fixed cameras stand, and learned ones start", "Views")
+    num_views: int = option(6, "Views of each shape", "Views", ge=1, le=100)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_from_layout(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        values, layout = dict(values), values.get("layout", "spherical")
+        if values.get("views") == "learned":
+            values["views"] = _learned(layout)
+        if layout in SOLIDS:
+            values.setdefault("num_views", SOLIDS[layout])
+        return values
+
+    @model_validator(mode="after")
+    def _check_layout(self) -> Self:
+        corners = SOLIDS.get(self.layout, self.num_views)
+        if self.num_views != corners:
+            raise UsageError(
+                f"the {self.layout} layout has {corners} views, not {self.num_views}",
+                hint=f"use --num-views {corners}, or --layout spherical for any number",
+                code="views.layout",
+            )
+        return self
+
+
+class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     """A training: what `config.toml` of a run holds."""
 
     dataset: str | None = option(
@@ -155,8 +135,6 @@ class TrainConfig(PictureConfig, RunsConfig, MachineConfig):
         "Views",
         also=("learned",),
     )
-    layout: Layout = option("spherical", "Where fixed cameras stand, and learned ones start", "Views")
-    num_views: int = option(6, "Views of each shape", "Views", ge=1, le=100)
     angles: Literal["periodic", "tanh"] = option(
         "periodic", "Form of learned-direct angles: periodic has no dead ends, tanh is the paper's", "Views"
     )
@@ -176,11 +154,13 @@ class TrainConfig(PictureConfig, RunsConfig, MachineConfig):
     light: Literal["random", "headlight"] = option(
         "random", "Light direction in training; evaluation has a headlight", "Pictures"
     )
-    gradient: Literal["fd", "none"] = option(
-        "fd", "From picture to camera: fd (central differences) or none (an ablation)", "Pictures"
+    gradient: Literal["edge-flow", "fd", "none"] = option(
+        "edge-flow",
+        "From picture to camera: edge-flow, fd (central differences), none (an ablation)",
+        "Pictures",
     )
-    fd_step: float = option(2.0, "Step of the central differences, degrees", "Pictures", ge=0.05, le=20)
-    allow_no_gradient: bool = option(False, "Allow learned views with --gradient none", "Pictures", flag=True)
+    fd_step: float = option(1.0, "Step of --gradient fd, degrees", "Pictures", ge=0.05, le=20)
+    allow_no_gradient: bool = option(False, "Allow learned views with --gradient none", "Pictures")
 
     backbone: str = option("tiny", "tiny (3 convolutions) or a torchvision classifier: resnet18", "Network")
     weights: str = option("none", "Of the backbone: none, imagenet or a .safetensors or .pth file", "Network")
@@ -210,26 +190,13 @@ class TrainConfig(PictureConfig, RunsConfig, MachineConfig):
         words="letters, digits and _ . + - only",
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _fill_from_layout(cls, values: Any) -> Any:
-        if not isinstance(values, dict):
-            return values
-        values, layout = dict(values), values.get("layout", "spherical")
-        if values.get("views") == "learned" and layout in ("spherical", "circular"):
-            values["views"] = f"learned-{layout}"
-        if layout in SOLIDS:
-            values.setdefault("num_views", SOLIDS[layout])
-        return values
-
     @model_validator(mode="after")
     def _check_combinations(self) -> TrainConfig:
-        _check_layout(self.layout, self.num_views)
         learned = self.views.startswith("learned")
         if learned and self.gradient == "none" and not self.allow_no_gradient:
             raise UsageError(
                 f"with --gradient none the pictures can't teach {self.views} views",
-                hint="use --gradient fd, or add --allow-no-gradient for an ablation",
+                hint="use --gradient edge-flow, or add --allow-no-gradient for an ablation",
                 code="train.no-gradient",
             )
         if self.angles == "tanh" and learned and self.views != "learned-direct":
@@ -294,7 +261,7 @@ class EvalConfig(RunsConfig, MachineConfig):
     split: Literal["test", "val", "train"] = option("test", "Shapes to measure on", "Data")
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     baseline: bool = option(False, "Also measure a random forest on distance histograms", "Measure")
-    seed: int = option(0, "Seed of the random forest and of random views", "Measure", ge=0, le=2**32 - 1)
+    seed: int = option(0, "Seed of the random forest", "Measure", ge=0, le=2**32 - 1)
     batch_size: int = option(32, "Shapes a step", "Machine", ge=1, le=4096)
     out: Path | None = option(None, "For tables and report; auto: the run", "Run", metavar="DIR", short="-o")
 
@@ -314,7 +281,7 @@ class PredictConfig(FilesConfig, RunsConfig, MachineConfig):
     batch_size: int = option(16, "Files a step; answers come after each", "Machine", ge=1, le=4096)
 
 
-class RenderViewsConfig(FilesConfig, PictureConfig, RunsConfig, MachineConfig):
+class RenderViewsConfig(FilesConfig, LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     """Contact sheets of the views of shapes."""
 
     files: tuple[str, ...] = option(
@@ -334,8 +301,6 @@ class RenderViewsConfig(FilesConfig, PictureConfig, RunsConfig, MachineConfig):
         "Views",
         also=("learned",),
     )
-    layout: Layout = option("spherical", "Where fixed cameras stand", "Views")
-    num_views: int = option(6, "Views of each shape", "Views", ge=1, le=100)
     azimuth: Angles | None = option(
         None, "Azimuths of own cameras, degrees, as 0,90,180; auto: after the layout", "Views", metavar="LIST"
     )
@@ -346,23 +311,11 @@ class RenderViewsConfig(FilesConfig, PictureConfig, RunsConfig, MachineConfig):
         metavar="LIST",
     )
     seed: int = option(0, "Seed of random views", "Views", ge=0, le=2**32 - 1)
+    per_view: bool = option(False, "Also write each view as a picture of its own", "Answer")
     out: Path = option(Path("views"), "Folder for the pictures", "Answer", metavar="DIR", short="-o")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _fill(cls, values: Any) -> Any:
-        if not isinstance(values, dict):
-            return values
-        values = dict(values)
-        if values.get("views") == "learned":
-            values["views"] = "learned-spherical"  # which kind it was is written in the run
-        if values.get("layout") in SOLIDS:
-            values.setdefault("num_views", SOLIDS[values["layout"]])
-        return values
 
     @model_validator(mode="after")
     def _check_combinations(self) -> RenderViewsConfig:
-        _check_layout(self.layout, self.num_views)
         azimuths, elevations = len(self.azimuth or ()), len(self.elevation or ())
         if azimuths > 1 and elevations > 1 and azimuths != elevations:
             raise UsageError(
@@ -380,7 +333,7 @@ class CacheConfig(CachedConfig):
     kind: Literal["shapes", "datasets", "views", "descriptors"] | None = option(
         None, "Only this kind of artifact; auto: all", "Cache"
     )
-    yes: bool = option(False, "Really clear", "Cache", flag=True)
+    yes: bool = option(False, "Really clear", "Cache")
 
 
 class DoctorConfig(RunsConfig, CachedConfig):
@@ -398,27 +351,27 @@ MODELS: dict[str, type[Config]] = {
 }
 
 
+def _learned(layout: Any) -> str:
+    """The selection that the word `learned` means."""
+    if layout not in ("circular", "spherical"):
+        raise UsageError(
+            f"there are no learned {layout} views",
+            hint="use --layout spherical or circular, or --views learned-direct",
+            code="views.layout",
+        )
+    return f"learned-{layout}"
+
+
 def _selections(listed: str, layout: Any) -> list[str]:
     """Read the list of a comparison into full words."""
     names = [name.strip() for name in listed.split(",") if name.strip()]
     for name in names:
         if name not in (*SELECTIONS, "learned"):
             raise choose_error("views", name, (*SELECTIONS, "learned"))
-    learned = f"learned-{'circular' if layout == 'circular' else 'spherical'}"
-    selections = [learned if name == "learned" else name for name in names]
+    selections = [_learned(layout or "spherical") if name == "learned" else name for name in names]
     if len(set(selections)) < max(2, len(names)):
         raise UsageError(
             f"--compare needs two or more different selections, got '{listed}'",
             hint="for example --compare fixed,jittered,learned",
         )
     return selections
-
-
-def _check_layout(layout: str, num_views: int) -> None:
-    corners = SOLIDS.get(layout, num_views)
-    if num_views != corners:
-        raise UsageError(
-            f"the {layout} layout has {corners} views, not {num_views}",
-            hint=f"use --num-views {corners}, or --layout spherical for any number",
-            code="views.layout",
-        )

@@ -9,10 +9,11 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TextIO
 
@@ -20,7 +21,12 @@ if TYPE_CHECKING:  # rich costs 40 ms, which `mvtn --help` and pipes need not pa
     from rich.console import Console as RichConsole
     from rich.progress import Progress
 
+NARROW = 80  # characters
 Mode = Literal["text", "json", "jsonl"]
+
+
+class PipeClosed(BrokenPipeError):
+    """The reader of our stdout or stderr has gone. (A worker's broken pipe is another matter, and an error.)"""
 
 
 class Ticker:
@@ -78,7 +84,7 @@ class LineTicker(Ticker):
         parts = [f"{self._done}", f"{_number(rate)}/s"]
         if self._total:
             parts[0] = f"{self._done}/{self._total} ({100 * self._done // self._total} %)"
-            parts.append(f"{duration((self._total - self._done) / rate)} left")
+            parts += [f"{duration((self._total - self._done) / rate)} left"] if rate else []
         return f"{self._description}: " + ", ".join(parts + [self._note] * bool(self._note))
 
 
@@ -110,6 +116,7 @@ class Console:
         self.records: list[dict[str, Any]] = []
         self.clock = time.monotonic
         self._rich: dict[str, RichConsole] = {}
+        self._bars = 0  # that are on the screen now
 
     def note(self, text: str) -> None:
         """Say `text` to the person watching."""
@@ -134,19 +141,18 @@ class Console:
         elif self.mode == "text":
             self._answer(text)
 
-    def result(self, document: Mapping[str, Any], text: str = "") -> None:
+    def result(self, document: Mapping[str, Any], text: str = "", *, records: str = "") -> None:
         """Give the final answer, once a command.
 
-        `json` mode prints the document with the collected records and warnings; `jsonl` mode prints it on one
-        line, or nothing if the records were the answer already; `text` mode prints `text`, if there is any.
+        `json` mode prints the document with the warnings and, under the key that `records` names, what was
+        recorded; `jsonl` mode prints it on one line, or nothing if the records were the answer already;
+        `text` mode prints `text`, if there is any.
         """
         whole = {**document, "warnings": self.warnings}
         if self.mode == "json":
-            if self.records:
-                whole.setdefault("records", self.records)
-            self._answer(dumps(whole, indent=2))
+            self._answer(dumps(whole | ({records: self.records} if records else {}), indent=2))
         elif self.mode == "jsonl":
-            if not self.records:
+            if not records:
                 self._answer(dumps(whole))
         elif text:
             self._answer(text)
@@ -180,7 +186,11 @@ class Console:
             yield Ticker()
         elif self.is_terminal("err"):
             with _rich_bar(self._rich_console("err")) as bar:
-                yield BarTicker(bar, description, total)
+                self._bars += 1
+                try:
+                    yield BarTicker(bar, description, total)
+                finally:
+                    self._bars -= 1
         else:
             yield LineTicker(self, description, total)
 
@@ -198,14 +208,20 @@ class Console:
             self._write(self.err, text)
 
     def _answer(self, text: str) -> None:
-        self._write(self.out, text)
+        if self._bars and self.is_terminal("out"):
+            self._say(text)  # both streams are the same screen: above the bar, not through it
+        else:
+            self._write(self.out, text)
 
     @staticmethod
     def _write(stream: TextIO, text: str) -> None:
         """Write a line now: a reader at the other end of a pipe wants it before the work ends."""
         encoding = getattr(stream, "encoding", None) or "utf-8"
-        stream.write(text.encode(encoding, "backslashreplace").decode(encoding) + "\n")
-        stream.flush()
+        try:
+            stream.write(text.encode(encoding, "backslashreplace").decode(encoding) + "\n")
+            stream.flush()
+        except BrokenPipeError:
+            raise PipeClosed from None
 
     def _rich_console(self, stream: Literal["err", "out"]) -> RichConsole:
         if stream not in self._rich:
@@ -213,6 +229,21 @@ class Console:
 
             self._rich[stream] = RichConsole(file=self._stream(stream))
         return self._rich[stream]
+
+
+def help_style() -> Literal["rich", None]:
+    """How typer shows help: in panels, or as plain text where those would cut the names of options short."""
+    return "rich" if shutil.get_terminal_size().columns >= NARROW else None
+
+
+def close_pipes() -> None:
+    """Point streams whose reader has gone at nothing, so that Python does not complain when it ends."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except BrokenPipeError:
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def dumps(document: Any, indent: int | None = None) -> str:
@@ -251,6 +282,11 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
+def counted(number: int, noun: str) -> str:
+    """Say `1 file` or `3 files`."""
+    return f"{number} {noun}" + "s" * (number != 1)
+
+
 def _number(rate: float) -> str:
     return f"{rate:.1f}" if rate < 100 else f"{rate:.0f}"
 
@@ -274,6 +310,8 @@ def _rich_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[obje
 
 
 def _is_number(cell: object) -> bool:
+    if cell == "":
+        return True
     try:
         float(str(cell).rstrip(" %°s"))
     except ValueError:

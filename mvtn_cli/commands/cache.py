@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mvtn_cli.commands.options import Call
 from mvtn_cli.config import CacheConfig
+from mvtn_cli.console import counted
 from mvtn_cli.errors import UsageError
 
 
@@ -39,7 +40,7 @@ def cache(config: CacheConfig, call: Call) -> None:
         }
     )
     verb = "deleted" if config.action == "clear" else "stored"
-    call.console.note(f"{total_files} files, {size_words(total_bytes)} {verb} in {store.root}")
+    call.console.note(f"{counted(total_files, 'file')}, {size_words(total_bytes)} {verb} in {store.root}")
 
 
 def size_words(count: int) -> str:

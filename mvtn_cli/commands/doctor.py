@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import shutil
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from importlib import import_module, metadata
@@ -16,6 +15,7 @@ from mvtn_cli import __version__
 from mvtn_cli.commands.cache import size_words
 from mvtn_cli.commands.options import Call
 from mvtn_cli.config import DoctorConfig
+from mvtn_cli.console import counted
 from mvtn_cli.errors import MvtnError
 
 NEEDED = {  # import name: distribution
@@ -61,14 +61,15 @@ def doctor(config: DoctorConfig, call: Call) -> None:
             fix = f"  ({finding.fix})" if finding.fix else ""
             call.console.record(asdict(finding), f"{finding.state:<4}  {finding.name}: {finding.detail}{fix}")
     bad = [finding.name for finding in findings if finding.state == "bad"]
-    document = {"schema": "mvtn.doctor/1", "ok": not bad, "checks": call.console.records}
-    call.console.result(document)
+    call.console.result({"schema": "mvtn.doctor/1", "ok": not bad}, records="checks")
     if bad:
         raise MvtnError(
             f"broken: {', '.join(bad)}", hint="the lines marked bad say how to mend it", code="doctor.bad"
         )
     warnings = sum(finding.state == "warn" for finding in findings)
-    call.console.note(f"all that is needed works, {warnings} warnings; next: mvtn preprocess && mvtn train")
+    call.console.note(
+        f"all that is needed works, {counted(warnings, 'warning')}; next: mvtn preprocess && mvtn train"
+    )
 
 
 def _safely(
@@ -84,10 +85,7 @@ def _safely(
 
 def _python(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     version = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    if sys.version_info < (3, 11):
-        yield Finding("python", "bad", version, "install Python 3.11 or newer")
-    else:
-        yield Finding("python", "ok", version)
+    yield Finding("python", "ok", version)
     yield Finding("mvtn", "ok", __version__)
 
 
@@ -122,7 +120,7 @@ def _threads(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     import torch
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads, kernels = torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS
+    threads, kernels = torch.get_num_threads(), numba.get_num_threads()
     detail = f"{cores} cores; networks use {threads}, renderer {kernels}"
     few = min(threads, kernels) < cores
     fix = "unset OMP_NUM_THREADS and NUMBA_NUM_THREADS, or give --threads" if few else ""
@@ -137,9 +135,7 @@ def _renderer(config: DoctorConfig, call: Call) -> Iterator[Finding]:
         return a + b
 
     works = add(1.0, 2.0) == 3.0
-    detail = (
-        f"numba kernels on the CPU ({numba.threading_layer_name()})" if works else "numba compiles wrongly"
-    )
+    detail = "numba kernels on the CPU" if works else "numba compiles wrongly"
     yield Finding("renderer", "ok" if works else "bad", detail, "" if works else "reinstall numba")
 
 
@@ -180,8 +176,8 @@ def _imagenet_weights(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     if found:
         yield Finding("imagenet weights", "ok", f"{', '.join(found)} in {folder}")
         return
-    fix = f"--weights imagenet downloads them; without internet copy a .pth there, or use --weights PATH"
-    yield Finding("imagenet weights", "ok", f"none in {folder}: {fix}")
+    fix = "--weights imagenet downloads them; without internet copy a .pth there, or use --weights PATH"
+    yield Finding("imagenet weights", "ok", f"none in {folder}", fix)
 
 
 def _terminal(config: DoctorConfig, call: Call) -> Iterator[Finding]:

@@ -19,8 +19,8 @@ from pydantic.fields import FieldInfo
 
 from mvtn_cli.commands.settings import choices_of, in_order, option_name, resolve, to_toml
 from mvtn_cli.config import MODELS, Config
-from mvtn_cli.console import Console, Mode
-from mvtn_cli.errors import ExitCode, UsageError
+from mvtn_cli.console import Console, Mode, PipeClosed, close_pipes, help_style
+from mvtn_cli.errors import ExitCode, Interrupted, UsageError
 
 ConfigT = TypeVar("ConfigT", bound=Config)
 Run = Callable[[Any, "Call"], ExitCode | None]
@@ -61,11 +61,17 @@ def build_command(name: str, run: Run) -> Any:
     """Make the typer command `name` that calls `run` with a configuration and a `Call`."""
 
     def callback(**given: Any) -> Any:
-        return _invoke(name, run, given)
+        try:
+            return _invoke(name, run, given)
+        except PipeClosed:  # the reader has enough, as in `mvtn predict … | head -1`
+            close_pipes()
+            return ExitCode.OK
+        except KeyboardInterrupt:
+            raise Interrupted("interrupted", hint="the same command goes on where it stopped") from None
 
     callback.__doc__ = run.__doc__
     callback.__signature__ = inspect.Signature(list(_parameters(name)))  # type: ignore[attr-defined]
-    app = typer.Typer(add_completion=False)
+    app = typer.Typer(add_completion=False, rich_markup_mode=help_style())
     app.command(name)(callback)
     return typer.main.get_command(app)
 
@@ -74,6 +80,8 @@ def _invoke(name: str, run: Run, given: dict[str, Any]) -> ExitCode:
     """Parse, resolve, then either show the configuration or do the work."""
     general = {key: given.pop(key) for key in ("config", "show_config", "json", "jsonl", "quiet", "debug")}
     dry_run = given.pop("dry_run", False)
+    for switch in [key for key in given if f"no_{key}" in given]:
+        given[switch] = False if given.pop(f"no_{switch}") else given[switch]
     if general["json"] and general["jsonl"]:
         raise UsageError("--json and --jsonl exclude each other", hint="--jsonl gives one object a line")
     mode: Mode = "json" if general["json"] else "jsonl" if general["jsonl"] else "text"
@@ -90,6 +98,8 @@ def _parameters(command: str) -> Iterator[inspect.Parameter]:
     model = MODELS[command]
     for name in in_order(model):
         yield _parameter(name, model.model_fields[name], choices_of(model, name))
+        if model.model_fields[name].annotation is bool:  # undoes what a file says; not worth a line of --help
+            yield _keyword(f"no_{name}", typer.Option(False, option_name(f"no_{name}"), hidden=True), bool)
     yield from _general(dry_run=command in DRY_RUN)
 
 
@@ -107,8 +117,7 @@ def _parameter(name: str, info: FieldInfo, choices: list[str]) -> inspect.Parame
         annotation: Any = list[str] | None if extra["argument"] == "many" else str | None
         return _keyword(name, typer.Argument(None, **{**shown, "rich_help_panel": None}), annotation)
     if info.annotation is bool:
-        names = (option_name(name),) if extra.get("flag") else ()  # else with its --no- form
-        return _keyword(name, typer.Option(None, *names, **shown), bool | None)
+        return _keyword(name, typer.Option(None, option_name(name), **shown), bool | None)
     shown["metavar"] = extra.get("metavar") or short_choices or ("NAME" if choices else _metavar(info))
     if choices:
         shown["autocompletion"] = _completion(choices)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mvtn_cli.commands.options import Call
 from mvtn_cli.commands.sources import expand, find_run, judge_bad_files, names_given, open_files, up_axis
 from mvtn_cli.config import PredictConfig
-from mvtn_cli.console import duration
+from mvtn_cli.console import counted, duration
 
 if TYPE_CHECKING:
     from mvtn_cli.core.networks.recogniser import Recogniser
@@ -43,13 +43,15 @@ def predict(config: PredictConfig, call: Call) -> None:
         {
             "schema": "mvtn.predict/1",
             "run": str(run.path),
-            "predictions": call.console.records,
             "bad": bad,
             "seconds": call.seconds,
-        }
+        },
+        records="predictions",
     )
     judge_bad_files(bad, len(files), config.on_bad)
-    call.console.note(f"{len(files) - bad} files classified by {run.path} in {duration(call.seconds)}")
+    call.console.note(
+        f"{counted(len(files) - bad, 'file')} classified by {run.path} in {duration(call.seconds)}"
+    )
 
 
 def _answers(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shlex
 from collections import Counter
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from mvtn_cli.commands.options import Call
 from mvtn_cli.config import PreprocessConfig
-from mvtn_cli.console import duration
+from mvtn_cli.console import counted, duration
 from mvtn_cli.errors import DataError
 
 if TYPE_CHECKING:
@@ -38,8 +37,8 @@ def preprocess(config: PreprocessConfig, call: Call) -> None:
     _show(summary, call)
     console.result(_document(prepared, summary, call), _text(summary))
     _judge(dataset, summary, config, call)
-    made = f"{summary.kept} shapes in {prepared.store.root}, {duration(call.seconds)}"
-    console.note(f"{made}; next: mvtn train {shlex.quote(dataset.spec)}")
+    made = f"{counted(summary.kept, 'shape')} in {prepared.store.root}, {duration(call.seconds)}"
+    console.note(f"{made}; next: mvtn train")
     return None
 
 

@@ -16,7 +16,7 @@ from mvtn_cli.commands.sources import (
     up_axis,
 )
 from mvtn_cli.config import RenderViewsConfig
-from mvtn_cli.console import duration
+from mvtn_cli.console import counted, duration
 
 if TYPE_CHECKING:
     from mvtn_cli.core.preprocess import Prepared
@@ -42,24 +42,23 @@ def render_views(config: RenderViewsConfig, call: Call) -> None:
         {
             "schema": "mvtn.render-views/1",
             "run": config.run,
-            "pictures": call.console.records,
             "bad": bad,
             "seconds": call.seconds,
-        }
+        },
+        records="pictures",
     )
     judge_bad_files(bad, bad + made, config.on_bad)
-    call.console.note(f"{made} pictures in {config.out}, {duration(call.seconds)}")
+    call.console.note(f"{counted(made, 'picture')} in {config.out}, {duration(call.seconds)}")
 
 
 def _sort(config: RenderViewsConfig, call: Call) -> tuple[tuple[str, ...], Run | None]:
     """Tell a run among the words from files and data sets, and find the run whose cameras are wanted."""
-    words, name = config.files, config.run
-    if len(words) == 1 and name is None and _is_run(words[0], config.runs):
-        words, name = (), words[0]
+    words = config.files
+    if len(words) == 1 and config.run is None and _is_run(words[0], config.runs):
+        return (), find_run(words[0], config.runs, call)
     learned = config.views is not None and config.views.startswith("learned")
-    if name is not None or learned:
-        return words, find_run(name, config.runs, call)
-    return words, None
+    wanted = config.run is not None or learned
+    return words, find_run(config.run, config.runs, call) if wanted else None
 
 
 def _is_run(word: str, runs: Path) -> bool:

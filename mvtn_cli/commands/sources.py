@@ -150,5 +150,5 @@ def judge_bad_files(bad: int, total: int, on_bad: str) -> None:
 
 
 def up_axis(wanted: str | None, run: Run | None) -> str:
-    """The axis that points up in single files: as asked, else as in the data set that the run was trained on."""
+    """The axis that points up in single files: as asked, else as in the data set of the run."""
     return wanted or ("z" if run and ", z up" in run.info["title"] else "y")

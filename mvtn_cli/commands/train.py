@@ -35,7 +35,13 @@ def train(options: TrainOptions, call: Call) -> None:
 
     run = train_run(config, prepared, call.console)
     result = _measure_if_possible(run, prepared, config, call)
-    document = {"schema": SCHEMA, "run": str(run.path), "test": None, "report": None, "seconds": call.seconds}
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "run": str(run.path),
+        "test": None,
+        "report": None,
+        "seconds": call.seconds,
+    }
     lines = [f"run\t{run.path}"]
     if result:
         document |= {key: result[key] for key in ("report", "known_view")}
@@ -89,17 +95,19 @@ def _plan(options: TrainOptions, config: TrainConfig, call: Call) -> None:
     dataset = open_dataset(choose_dataset(config.dataset, config, call.console))
     trainings = len(options.selections()) * options.seeds or 1
     shapes = min(dataset.count("train"), config.train_limit or dataset.count("train"))
+    held_out = 0 if config.select == "test" or dataset.count("val") else round(config.val_fraction * shapes)
     plan = {
         "dataset": dataset.spec,
         "classes": len(dataset.classes),
-        "train": shapes,
+        "train": shapes - held_out,
+        "val": dataset.count("val") or held_out,
         "test": dataset.count("test"),
         "views": ",".join(options.selections()) or config.views,
         "num_views": config.num_views,
         "image_size": config.image_size,
         "backbone": config.backbone,
         "epochs": config.epochs,
-        "steps": config.epochs * -(-shapes // config.batch_size),
+        "steps": config.epochs * -(-(shapes - held_out) // config.batch_size),
         "trainings": trainings,
         "runs": str(config.runs),
     }

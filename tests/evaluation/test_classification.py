@@ -39,9 +39,8 @@ def test_class_accuracy_is_scikit_learns_balanced_accuracy_when_every_class_occu
 def test_the_table_of_classes_says_what_each_is_taken_for():
     found = metrics([0, 0, 0, 0, 1, 1], one_hot([0, 2, 2, 1, 1, 1], 3), ["chair", "sofa", "stool"])
     chair, sofa, stool = found["per_class"]
-    assert chair == {
-        "name": "chair", "count": 4, "correct": 1, "accuracy": 0.25, "confused_with": "stool", "confused_count": 2,
-    }  # fmt: skip
+    assert (chair["name"], chair["count"], chair["correct"], chair["accuracy"]) == ("chair", 4, 1, 0.25)
+    assert (chair["confused_with"], chair["confused_count"]) == ("stool", 2)
     assert sofa["accuracy"] == 1.0 and sofa["confused_with"] is None
     assert stool["count"] == 0 and np.isnan(stool["accuracy"])
     assert found["top_confusions"][0] == {"label": "chair", "predicted": "stool", "count": 2}

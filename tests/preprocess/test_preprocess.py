@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,18 @@ def folder(root: Path, count: int = 6) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(TETRAHEDRON.format(height=number + 3))
     return root
+
+
+def no_children_after(seconds: float) -> bool:
+    """Wait for worker processes of this one to end; whatever else it started (resource trackers) may stay."""
+    children = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
+    deadline = time.monotonic() + seconds
+    while children.exists() and time.monotonic() < deadline:
+        commands = [Path(f"/proc/{pid}/cmdline") for pid in children.read_text().split()]
+        if not any(b"popen_loky" in path.read_bytes() for path in commands if path.exists()):
+            return True
+        time.sleep(0.05)
+    return not children.exists()
 
 
 def counts(summary) -> dict[str, int]:
@@ -114,6 +127,7 @@ def test_one_worker_and_two_give_identical_bytes_in_the_same_order(tmp_path, mon
             replace(summary, seconds=0),
         )
     assert results[1] == results[2]
+    assert no_children_after(10), "worker processes were left behind"
     assert len(results[1][0]) == 40
 
 

@@ -128,14 +128,21 @@ def icosahedron() -> StoredShape:
 
 
 def bumpy(steps: int) -> StoredShape:
-    """Return a closed, bumpy, lopsided surface of about 4 steps^2 faces."""
-    u, v = np.meshgrid(np.arange(2 * steps) * np.pi / steps, (np.arange(steps) + 0.5) * np.pi / steps)
+    """Return a closed, bumpy, lopsided surface of 4 * steps^2 faces, wound outward."""
+    around = 2 * steps
+    u, v = np.meshgrid(np.arange(around) * np.pi / steps, (np.arange(steps) + 0.5) * np.pi / steps)
     radius = 0.7 + 0.15 * np.sin(3 * u) * np.sin(v) + 0.1 * np.cos(2 * v + u)
-    xyz = np.stack([np.sin(v) * np.cos(u), 0.7 * np.cos(v), np.sin(v) * np.sin(u)], -1) * radius[..., None]
-    a = np.arange(2 * steps * (steps - 1)).reshape(steps - 1, -1)
-    b, c = np.roll(a, -1, axis=1), a + 2 * steps
-    d = np.roll(c, -1, axis=1)
-    return stored(xyz, np.stack([a, b, c, b, d, c], -1))
+    xyz = np.stack([np.sin(v) * np.sin(u), 0.7 * np.cos(v), np.sin(v) * np.cos(u)], -1) * radius[..., None]
+    a = np.arange(around * steps).reshape(steps, around)
+    b = np.roll(a, -1, axis=1)
+    top, bottom = around * steps, around * steps + 1
+    walls = [np.stack([a[:-1], a[1:], b[:-1]], -1), np.stack([b[:-1], a[1:], b[1:]], -1)]
+    caps = [
+        np.stack([np.full(around, top), a[0], b[0]], -1),
+        np.stack([np.full(around, bottom), b[-1], a[-1]], -1),
+    ]
+    faces = np.concatenate([part.reshape(-1, 3) for part in (*walls, *caps)])
+    return stored([*xyz.reshape(-1, 3), [0, 0.5, 0.02], [0, -0.55, 0]], faces)
 
 
 def without_normals(shape: StoredShape) -> StoredShape:

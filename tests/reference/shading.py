@@ -20,7 +20,7 @@ class Scene:
         albedo: (3,), multiplied with `colors`.
         light: (3,) unit vector towards the light, or None for a headlight.
         background: (3,).
-        material: (ambient, diffuse, specular, shininess).
+        material: (ambient, diffuse, specular, shininess, falloff).
         smooth: Interpolated normals, or those of the faces.
     """
 
@@ -31,7 +31,7 @@ class Scene:
     albedo: np.ndarray = field(default_factory=lambda: np.ones(3))
     light: np.ndarray | None = None
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    material: tuple[float, float, float, float] = (0.25, 0.75, 0.0, 64.0)
+    material: tuple[float, ...] = (0.25, 0.75, 0.0, 64.0, 1.0)
     smooth: bool = True
 
 
@@ -58,7 +58,7 @@ def normal_of_hit(scene: Scene, face: np.ndarray, weights: np.ndarray, eye: np.n
 def radiance(scene: Scene, face: np.ndarray, weights: np.ndarray, rt: np.ndarray) -> np.ndarray:
     """Return the (3,) colour of a point of a face: one directional light, after Phong."""
     eye = -rt[:, :3].T @ rt[:, 3]
-    ambient, diffuse, specular, shininess = scene.material
+    ambient, diffuse, specular, shininess, falloff = scene.material
     light = rt[2, :3] if scene.light is None else scene.light
     normal = normal_of_hit(scene, face, weights, eye)
     to_eye = eye - weights @ scene.vertices[face].astype(np.float64)
@@ -67,7 +67,7 @@ def radiance(scene: Scene, face: np.ndarray, weights: np.ndarray, rt: np.ndarray
     mirrored = (2 * cosine * normal - light) @ to_eye
     highlight = specular * mirrored**shininess if cosine > 0 and mirrored > 0 else 0.0
     albedo = scene.albedo if scene.colors is None else scene.albedo * (weights @ scene.colors[face])
-    return albedo * (ambient + diffuse * max(cosine, 0)) + highlight
+    return albedo * (ambient + diffuse * max(cosine, 0) ** falloff) + highlight
 
 
 def draw(scene: Scene, rt: np.ndarray, focal: float, size: int, supersample: int = 1) -> np.ndarray:

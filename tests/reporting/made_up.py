@@ -19,12 +19,17 @@ def ball(size: int, azimuth_deg: float, elevation_deg: float, radius: float) -> 
     """A lit ball with a dent: (3, size, size) uint8, brighter towards the light."""
     y, x = np.mgrid[-1.1 : 1.1 : size * 1j, -1.1 : 1.1 : size * 1j]
     z = np.sqrt(np.maximum(radius**2 - x**2 - y**2, 0))
-    spot = np.exp(-((x - np.sin(np.radians(azimuth_deg)) / 2) ** 2 + (y + np.sin(np.radians(elevation_deg)) / 2) ** 2) * 8)
+    spot = np.exp(
+        -((x - np.sin(np.radians(azimuth_deg)) / 2) ** 2 + (y + np.sin(np.radians(elevation_deg)) / 2) ** 2)
+        * 8
+    )
     shade = np.where(z > 0, 40 + 190 * z / radius - 90 * spot, 0)
     return np.repeat(shade[None].clip(0, 255).astype(np.uint8), 3, axis=0)
 
 
-def predictions(classes: list[str], per_class: int, num_views: int, known: bool, learned: bool, skill: float) -> Any:
+def predictions(
+    classes: list[str], per_class: int, num_views: int, known: bool, learned: bool, skill: float
+) -> Any:
     random = np.random.default_rng(7)
     labels = np.repeat(np.arange(len(classes)), per_class)
     count = len(labels)
@@ -53,7 +58,10 @@ def pictures(found: Any, rows: list[int], size: int) -> np.ndarray:
     return np.stack(
         [
             np.stack(
-                [ball(size, found.azimuth_deg[i, v], found.elevation_deg[i, v], 0.6 + 0.03 * (i % 10)) for v in views]
+                [
+                    ball(size, found.azimuth_deg[i, v], found.elevation_deg[i, v], 0.6 + 0.03 * (i % 10))
+                    for v in views
+                ]
             )
             for i in rows
         ]
@@ -78,12 +86,15 @@ def make_run(
     start_azimuth, start_elevation = layouts("spherical", num_views)
     views = ("learned-direct" if known else "learned-spherical") if learned else "fixed"
     config = {
-        "views": views, "num_views": num_views, "image_size": size, "backbone": "tiny", "seed": 3, "epochs": epochs,
+        "views": views, "num_views": num_views, "image_size": size, "backbone": "tiny", "seed": 3,
+        "epochs": epochs,
         "layout": "spherical", "dataset": "builtin:shapes", "lr": 3e-3, "select": "val", "gradient": "fd",
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "config.toml").write_text(tomli_w.dumps(config))
-    write_json(folder / "run.json", {"name": folder.name, "classes": classes, "select": "val", "state": "finished"})
+    write_json(
+        folder / "run.json", {"name": folder.name, "classes": classes, "select": "val", "state": "finished"}
+    )
     (folder / "metrics.jsonl").write_text(
         "".join(json.dumps(epoch(i, epochs, known, learned)) + "\n" for i in range(epochs))
     )
@@ -93,7 +104,7 @@ def make_run(
         "schema": "mvtn.eval/1", "run": str(folder), "split": "test", "checkpoint": "best",
         **judge(found, classes, (start_azimuth, start_elevation) if learned else None),
         "baseline": {"accuracy": 0.714, "accuracy_sd": 0.008, "seeds": [0, 1, 2]} if baseline else None,
-        "mistakes": wrong, "selection": views, "seed": 3, "best": {"epoch": max(1, epochs - 2)},
+        "mistakes": wrong[:12], "selection": views, "seed": 3, "best": {"epoch": max(1, epochs - 2)},
         "data": {"spec": "builtin:shapes", "title": f"Made-up shapes: {len(classes)} classes, 432 train, "
                  f"48 val, {len(found.labels)} test.", "address": "9f2c51d07ab34e6688c0"},
         "versions": {"mvtn": "0.1.0", "python": "3.11.9", "torch": "2.14.1", "numpy": "2.4.6"},
@@ -105,7 +116,7 @@ def make_run(
     save_views(folder / "mistakes.npz", found, rows, pictures(found, rows, size) if rows else None)
     shown = list(range(0, len(found.labels), max(1, len(found.labels) // 8)))[:8]
     save_views(folder / "views_best.npz", found, shown, pictures(found, shown, size))
-    before = SimpleNamespace(**{**vars(found)})
+    before = SimpleNamespace(**vars(found))
     before.azimuth_deg = np.tile(start_azimuth, (len(found.labels), 1))
     before.elevation_deg = np.tile(start_elevation, (len(found.labels), 1))
     save_views(folder / "views_start.npz", before, shown, pictures(before, shown, size))

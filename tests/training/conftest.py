@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
+import torch
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.store import StoredShape
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
-FACES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
-    + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]],
-    np.int32,
-)
+# two triangles a side; the corners of a side in the order of a walk around it
+SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+FACES = np.array([(a, *pair) for a, b, c, d in SIDES for pair in ((b, c), (c, d))], np.int32)
 EXTENTS = ((1, 1, 1), (1, 0.2, 1), (0.2, 1, 0.2), (1, 0.5, 0.2))
 CLASSES = ("cube", "plate", "post", "board")
 
@@ -78,8 +78,7 @@ def box(label: int, seed: int) -> StoredShape:
     )
 
 
-@pytest.fixture
-def boxes() -> ToyPrepared:
+def make_boxes() -> ToyPrepared:
     """Eight boxes to train on, four to validate with and four to test with."""
     records = [
         ToyRecord(f"{CLASSES[i % 4]}/{split}{i}", i % 4, split)
@@ -87,6 +86,12 @@ def boxes() -> ToyPrepared:
         for i in range(count)
     ]
     return ToyPrepared(records)
+
+
+@pytest.fixture
+def boxes() -> ToyPrepared:
+    """A toy data set of one's own."""
+    return make_boxes()
 
 
 @pytest.fixture
@@ -105,6 +110,7 @@ def settings(tmp_path: Path) -> Callable[..., TrainConfig]:
             "color": "white",
             "light": "headlight",
             "device": "cpu",
+            "threads": 1,
         }
         return TrainConfig(**{**small, **changed})
 
@@ -115,3 +121,14 @@ def settings(tmp_path: Path) -> Callable[..., TrainConfig]:
 def quiet() -> Console:
     """A console that only keeps warnings."""
     return Console(quiet=True)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Pictures of 16 pixels are not worth a second thread."""
+    before = torch.get_num_threads(), numba.get_num_threads()
+    torch.set_num_threads(1)
+    numba.set_num_threads(1)
+    yield
+    torch.set_num_threads(before[0])
+    numba.set_num_threads(before[1])

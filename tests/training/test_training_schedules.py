@@ -12,11 +12,11 @@ from mvtn_cli.core.training.learner import CLASSIFIER, VIEWPOINTS
 
 
 def test_one_cycle_is_the_one_of_torch():
+    steps = 4000  # many, as torch ends its warm-up one step early
     optimiser = SGD([torch.nn.Parameter(torch.zeros(1))], lr=1.0)
-    reference = OneCycleLR(optimiser, max_lr=1.0, total_steps=101, pct_start=0.15, cycle_momentum=False)
-    for step in range(100):
-        # torch counts its warm-up to step 14.15 of 100, one step less than 15 %
-        assert reference.get_last_lr()[0] == pytest.approx(schedules.one_cycle(step / 100), abs=0.02)
+    reference = OneCycleLR(optimiser, max_lr=1.0, total_steps=steps + 1, pct_start=0.15, cycle_momentum=False)
+    for step in range(steps):
+        assert abs(reference.get_last_lr()[0] - schedules.one_cycle(step / steps)) < 3e-3
         optimiser.step()
         reference.step()
 
@@ -54,7 +54,9 @@ def test_exploration_starts_where_the_form_of_the_views_says(
 
 
 def test_exploration_falls_in_a_line_to_zero_at_80_percent():
-    assert [schedules.explore_deg(40, p) for p in (0, 0.2, 0.4, 0.8, 0.9)] == pytest.approx([40, 30, 20, 0, 0])
+    assert [schedules.explore_deg(40, p) for p in (0, 0.2, 0.4, 0.8, 0.9)] == pytest.approx(
+        [40, 30, 20, 0, 0]
+    )
 
 
 def test_each_group_gets_its_own_peak_times_the_share_of_its_network(settings):
@@ -65,5 +67,7 @@ def test_each_group_gets_its_own_peak_times_the_share_of_its_network(settings):
     }
     explore = schedules.set_all(settings(views="learned-direct"), optimisers, progress=0.8)
     share = schedules.one_cycle(0.8)
-    assert [g["lr"] for o in optimisers.values() for g in o.param_groups] == pytest.approx([2 * share, 0.2 * share, 1.5])
+    assert [g["lr"] for o in optimisers.values() for g in o.param_groups] == pytest.approx(
+        [2 * share, 0.2 * share, 1.5]
+    )
     assert explore == pytest.approx(0)

@@ -83,7 +83,7 @@ def test_the_shapes_shown_come_from_every_class(settings, boxes):
 def test_batches_hold_each_shape_once_and_none_is_left_alone(count, size, seed, epoch):
     indices = list(range(1000, 1000 + count))
     batches = epoch_batches(indices, size, seed, epoch)
-    assert sorted(sum(batches, [])) == indices
+    assert sorted(i for batch in batches for i in batch) == indices
     assert batches == epoch_batches(indices, size, seed, epoch)
     if size > 1:
         assert all(2 <= len(batch) <= size + 1 for batch in batches)

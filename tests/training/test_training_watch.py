@@ -1,4 +1,4 @@
-"""What is watched: pictures with content, views that can learn and have not collapsed, files that are whole."""
+"""What is watched: pictures with content, views that can learn, numbers that are finite, whole files."""
 
 from __future__ import annotations
 
@@ -69,7 +69,14 @@ def test_collapse_is_told_from_a_start_that_has_not_moved_yet():
 
 @pytest.mark.parametrize(
     ("accuracy", "loss", "better"),
-    [(0.6, 9.0, True), (0.5, 0.9, True), (0.5, 1.0, False), (0.5, math.nan, False), (0.4, 0.1, False), (None, None, True)],
+    [
+        (0.6, 9.0, True),
+        (0.5, 0.9, True),
+        (0.5, 1.0, False),
+        (0.5, math.nan, False),
+        (0.4, 0.1, False),
+        (None, None, True),
+    ],
 )
 def test_the_best_epoch_goes_by_accuracy_then_by_loss(accuracy, loss, better):
     best = {"val_accuracy": 0.5, "val_loss": 1.0}

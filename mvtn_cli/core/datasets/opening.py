@@ -35,13 +35,16 @@ def open_dataset(spec: str) -> Dataset:
         return open_builtin(spec)
     path_text, options = _split_options(rest)
     up = _up_axis(options)
+    suffix = "?up=z" if up == "z" else ""
     if prefix is None and not os.path.exists(path_text) and re.search(r"[*?\[]", path_text):
-        return unlabelled(expand_glob(path_text), up=up, spec=os.path.abspath(path_text), where=path_text)
+        return unlabelled(
+            expand_glob(path_text), up=up, spec=os.path.abspath(path_text) + suffix, where=path_text
+        )
     path = must_exist(Path(path_text).expanduser())
     if prefix in MODELNETS:
         return open_modelnet(prefix, path)
     if path.is_file():
-        return unlabelled([path], up=up, spec=str(path.absolute()))
+        return unlabelled([path], up=up, spec=f"{path.absolute()}{suffix}")
     return open_folder(path, up=up) if prefix == "folder" or options else _recognised(path)
 
 

@@ -121,15 +121,15 @@ def _listed(root: Path, split: str) -> list[Path]:
 def _file_items(path: Path, split: str, names: Sequence[str], kept: Sequence[str]) -> list[Item]:
     stem = path.stem.removeprefix("ply_data_")
     label_of = {name: index for index, name in enumerate(kept)}
-    items = []
+    path = path.absolute()
+    file, items = str(path), []
     for row, label in enumerate(_labels(path, len(names))):
         name = names[label]
         if name not in label_of:
             continue
         key = f"{name}/{stem}_{row:04d}"
-        source = f"{path.absolute()}[{row}]"
-        read, content = ReadRow(str(path.absolute()), row, key), RowContent(str(path.absolute()), row)
-        items.append(Item(key, label_of[name], split, source, read, content, path.absolute()))
+        read, content = ReadRow(file, row, key), RowContent(file, row)
+        items.append(Item(key, label_of[name], split, f"{file}[{row}]", read, content, path))
     return items
 
 

@@ -35,9 +35,9 @@ def metrics(labels: ArrayLike, logits: ArrayLike, classes: Sequence[str]) -> dic
         classes: The C names, in the order of the columns.
 
     Returns:
-        `count`, `correct`, `not_finite`; `accuracy` (share of all shapes) with its 95 % `accuracy_interval`, and
-        `class_accuracy` (mean of the classes' own accuracies, over the classes that occur), in [0, 1] and NaN
-        for no shapes;
+        `count`, `correct`, `not_finite`; `accuracy` (share of all shapes) with its 95 % `accuracy_interval`,
+        and `class_accuracy` (mean of the classes' own accuracies, over the classes that occur), in [0, 1] and
+        NaN for no shapes;
         `per_class`, one entry a class: `name`, `count`, `correct`, `accuracy`, `confused_with`,
         `confused_count`; `confusion`, C rows of C counts; `top_confusions`, the ten most frequent
         mistakes as `label`, `predicted`, `count`. All of it plain Python numbers.
@@ -112,5 +112,7 @@ def top_confusions(confusion: ArrayLike, classes: Sequence[str], limit: int = 10
     order = np.argsort(-wrong, axis=None, kind="stable")[:limit]
     pairs = [divmod(int(cell), len(classes)) for cell in order]
     return [
-        {"label": classes[i], "predicted": classes[j], "count": int(wrong[i, j])} for i, j in pairs if wrong[i, j]
+        {"label": classes[i], "predicted": classes[j], "count": int(wrong[i, j])}
+        for i, j in pairs
+        if wrong[i, j]
     ]

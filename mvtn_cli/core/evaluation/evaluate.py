@@ -37,8 +37,8 @@ SHOWN_MISTAKES = 12
 def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Console) -> dict[str, Any]:
     """Predict a split with the weights of a run, measure, and write the files.
 
-    Into `config.out`, else the run's folder (for another split or checkpoint than test and best, a folder of that
-    name within it): `result.json`, `predictions.csv`, `views.csv`, `confusion.csv`, `mistakes.npz`.
+    Into `config.out`, else the run's folder (for another split or checkpoint than test and best, a folder of
+    that name within it): `result.json`, `predictions.csv`, `views.csv`, `confusion.csv`, `mistakes.npz`.
 
     Args:
         run: A run that has weights.
@@ -61,7 +61,8 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     indices = split_indices(settings, prepared, config.split)
     model = load_model(run, config.checkpoint, config.device)
 
-    found = predict(model, prepared, indices, settings, batch_size=config.batch_size, console=console)
+    seeded = settings.model_copy(update={"seed": config.seed})  # of random views
+    found = predict(model, prepared, indices, seeded, batch_size=config.batch_size, console=console)
     sources = [prepared.records[i].source for i in indices]
     document = {
         "schema": SCHEMA,
@@ -73,12 +74,14 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     }
     if config.baseline:
         console.note("random forest on distance histograms …")
-        document["baseline"] = histogram_forest(prepared, range(config.seed, config.seed + 3), split=config.split)
+        document["baseline"] = histogram_forest(
+            prepared, range(config.seed, config.seed + 3), split=config.split
+        )
     document |= provenance(run, prepared, config)
     folder = results_folder(run.path, config.split, config.checkpoint, config.out)
-    document["mistakes"] = mistakes(found, run.classes, sources)
+    document["mistakes"] = mistakes(found, run.classes, sources)[:SHOWN_MISTAKES]
     write_tables(folder, found, run.classes, sources, settings.distance)
-    shown = [mistake["index"] for mistake in document["mistakes"][:SHOWN_MISTAKES]]
+    shown = [mistake["index"] for mistake in document["mistakes"]]
     save_views(folder / "mistakes.npz", found, shown, draw(prepared, indices, found, shown, settings))
     document |= {"seconds": time.monotonic() - begun, "folder": str(folder)}
     write_json(folder / "result.json", document)
@@ -88,7 +91,7 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
 def judge(
     found: Predictions, classes: Sequence[str], start: tuple[ArrayLike, ArrayLike] | None = None
 ) -> dict[str, Any]:
-    """Measure predictions: all of `classification.metrics`, and `views` and `known_view` (None where not known)."""
+    """Measure predictions: `classification.metrics`, `views`, and `known_view` (None if no side is known)."""
     labels, known = np.asarray(found.labels), np.asarray(found.known_azimuth_deg, dtype=np.float64)
     azimuth, elevation = np.asarray(found.azimuth_deg), np.asarray(found.elevation_deg)
     side_is_known = bool(np.isfinite(known).any())
@@ -113,15 +116,15 @@ def mistakes(found: Predictions, classes: Sequence[str], sources: Sequence[str])
     wrong = wrong[np.argsort(-chances[wrong, given[wrong]], kind="stable")]
     return [
         {
-            "index": int(i),
+            "index": i,
             "name": found.names[i],
             "source": sources[i],
-            "label": classes[labels[i]],
-            "predicted": classes[given[i]],
+            "label": classes[int(labels[i])],
+            "predicted": classes[int(given[i])],
             "probability": float(chances[i, given[i]]),
             "label_probability": float(chances[i, labels[i]]),
         }
-        for i in wrong
+        for i in wrong.tolist()
     ]
 
 
@@ -137,7 +140,7 @@ def write_tables(
         (
             found.names[i],
             words[i],
-            classes[given[i]],
+            classes[int(given[i])],
             float(chances[i, given[i]]),
             "" if labels[i] < 0 else int(given[i] == labels[i]),
             sources[i],
@@ -230,12 +233,10 @@ def results_folder(run: Path, split: str, checkpoint: str, out: Path | None = No
 
 
 def start_views(model: Recogniser) -> tuple[NDArray[Any], NDArray[Any]] | None:
-    """Azimuth and elevation before learning, if the selection learns and has a fixed start."""
-    selector = model.selector
-    start = getattr(selector, "start", None)
-    if not selector.learned or start is None:
+    """Azimuth and elevation (M,) before learning, for the selections that start at a layout exactly."""
+    if model.config.views not in ("learned-circular", "learned-spherical"):
         return None
-    azimuth, elevation = (np.asarray(angle, dtype=np.float64) for angle in start)
+    azimuth, elevation = (angle.cpu().numpy().astype(np.float64) for angle in model.selector.start)
     return azimuth, elevation
 
 
@@ -263,7 +264,8 @@ def provenance(run: Run, prepared: Prepared, config: EvalConfig) -> dict[str, An
 def _check_classes(run: Run, prepared: Prepared) -> None:
     if tuple(prepared.classes) != run.classes:
         raise UsageError(
-            f"run {run.name} knows the classes {_some(run.classes)}, and {prepared.spec} has {_some(prepared.classes)}",
+            f"run {run.name} knows the classes {_some(run.classes)}, "
+            f"and {prepared.spec} has {_some(prepared.classes)}",
             hint=f"evaluate it on its own data set: {run.info['dataset']}",
             code="run.other-classes",
         )

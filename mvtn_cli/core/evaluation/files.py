@@ -19,7 +19,7 @@ def write_json(path: Path, document: Mapping[str, Any]) -> Path:
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
-    """Write a table; floats with six significant digits, NaN as an empty cell, names quoted where they must be."""
+    """Write a table: floats with six significant digits, NaN as an empty cell, names quoted where need be."""
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(header)

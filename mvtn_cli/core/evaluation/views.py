@@ -58,11 +58,11 @@ def view_statistics(
 
     Returns:
         `num_views`; `spread_deg`, how much the cameras differ between shapes (mean over the views of
-        `view_spread`: 0 says that every shape gets the same cameras); `nearest_view_deg`, the mean angle to the
-        nearest other view of the same shape, and `coincident_share`, the share of views within 5° of another
-        one: these say whether the views have collapsed onto one another, and are NaN for a single view;
-        `moved_deg`, the mean angle from the start, or NaN; `per_view` and `per_class`, each with circular mean
-        and resultant of the azimuth (1 all alike, 0 evenly spread) and the mean elevation.
+        `view_spread`: 0 says that every shape gets the same cameras); `nearest_view_deg`, the mean angle to
+        the nearest other view of the same shape, and `coincident_share`, the share of views within 5° of
+        another one: these say whether the views have collapsed onto one another, and are NaN for a single
+        view; `moved_deg`, the mean angle from the start, or NaN; `per_view` and `per_class`, each with
+        circular mean and resultant of the azimuth (1 all alike, 0 evenly spread) and the mean elevation.
     """
     azimuth, elevation = standard_angles(azimuth_deg, elevation_deg)
     labels = np.asarray(labels, dtype=np.int64)

@@ -37,6 +37,7 @@ def _map_in_processes(
     store: Store, items: Sequence[Numbered], settings: Settings, workers: int
 ) -> Iterator[list[tuple[int, Outcome]]]:
     from joblib import Parallel, delayed
+    from joblib.externals.loky import get_reusable_executor
 
     size = min(max(len(items) // (workers * 16), 1), LARGEST_BATCH)
     batches = [items[start : start + size] for start in range(0, len(items), size)]
@@ -44,6 +45,7 @@ def _map_in_processes(
     with _deaf_to_ctrl_c():
         outcomes = parallel(delayed(make_all)(store, batch, settings) for batch in batches)
     yield from outcomes
+    get_reusable_executor().shutdown(wait=False)  # a training that follows would carry idle workers along
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from numba import njit
 from mvtn_cli.core.render.edges import JUMP, SHARE, SLOPE, X, Y, Z
 from mvtn_cli.core.render.shade import (
     DIFFUSE,
+    FALLOFF,
     SHININESS,
     SPECULAR,
     barycentric,
@@ -169,7 +170,8 @@ def add_following_light(
                     value *= w0 * colors[a, channel] + w1 * colors[b, channel] + w2 * colors[c, channel]
                 by_albedo += weight * value
                 by_white += weight
-            g_cosine, g_mirror, facing, length = by_albedo * material[DIFFUSE], 0.0, 0.0, 1.0
+            steepness = material[FALLOFF] * cosine ** (material[FALLOFF] - 1.0)
+            g_cosine, g_mirror, facing, length = by_albedo * material[DIFFUSE] * steepness, 0.0, 0.0, 1.0
             if material[SPECULAR] > 0.0:
                 for axis in range(3):
                     at = w0 * vertices[a, axis] + w1 * vertices[b, axis] + w2 * vertices[c, axis]

@@ -11,9 +11,9 @@ import torch
 from mvtn_cli.errors import UsageError
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-# (ambient, diffuse, specular, shininess). `studio` has contrast and no highlight, so the renderer skips that term;
-# `paper` is what the released code inherits from PyTorch3D's defaults.
-MATERIALS = {"studio": (0.25, 0.75, 0.0, 64.0), "paper": (0.5, 0.3, 0.2, 64.0)}
+# (ambient, diffuse, specular, shininess, falloff). `studio` has contrast and no highlight, so the renderer skips that
+# term; `paper` is what the released code inherits from PyTorch3D's defaults.
+MATERIALS = {"studio": (0.1, 0.9, 0.0, 64.0, 2.0), "paper": (0.5, 0.3, 0.2, 64.0, 1.0)}
 
 
 class LookSettings(Protocol):
@@ -38,7 +38,7 @@ class Look:
         colors: (B, 3) float32 in [0, 1], multiplied with vertex or point colours where there are some.
         light_direction: (B, 3) float32 unit vectors towards the light, world frame; None is a headlight.
         background: RGB in [0, 1].
-        ambient, diffuse, specular, shininess: Of the one light; points are drawn in their plain colour.
+        ambient, diffuse, specular, shininess, falloff: Of the one light, see `shade.py`; points have their plain colour.
         shading: "smooth" (interpolated normals) or "flat".
         supersample: Samples per pixel along each axis.
         point_radius: World radius of a point's disc, in shape radii.
@@ -49,18 +49,19 @@ class Look:
     colors: np.ndarray
     light_direction: np.ndarray | None = None
     background: tuple[float, float, float] = BLACK
-    ambient: float = 0.25
-    diffuse: float = 0.75
+    ambient: float = 0.1
+    diffuse: float = 0.9
     specular: float = 0.0
     shininess: float = 64.0
+    falloff: float = 2.0
     shading: str = "smooth"
     supersample: int = 2
     point_radius: float = 0.02
 
     @property
     def material(self) -> np.ndarray:
-        """The row (ambient, diffuse, specular, shininess) that the kernels take."""
-        return np.array([self.ambient, self.diffuse, self.specular, self.shininess])
+        """The row (ambient, diffuse, specular, shininess, falloff) that the kernels take."""
+        return np.array([self.ambient, self.diffuse, self.specular, self.shininess, self.falloff])
 
     @classmethod
     def evaluation(cls, settings: LookSettings, count: int, kind: str) -> Look:
@@ -82,8 +83,8 @@ class Look:
 
 
 def _common(settings: LookSettings, kind: str) -> dict:
-    ambient, diffuse, specular, shininess = MATERIALS[settings.look]
-    look = {
+    ambient, diffuse, specular, shininess, falloff = MATERIALS[settings.look]
+    return {
         "image_size": settings.image_size,
         "kind": kind,
         "background": WHITE if settings.look == "paper" and kind == "mesh" else BLACK,
@@ -91,11 +92,11 @@ def _common(settings: LookSettings, kind: str) -> dict:
         "diffuse": diffuse,
         "specular": specular,
         "shininess": shininess,
+        "falloff": falloff,
         "shading": settings.shading,
         "supersample": settings.supersample,
         "point_radius": settings.point_radius,
     }
-    return look
 
 
 def check_look(look: Look) -> None:

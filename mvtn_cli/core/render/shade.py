@@ -1,7 +1,8 @@
 """What colour does a sample have: one directional light, two-sided, smooth or flat; and one view's image.
 
-Radiance = albedo * (ambient + diffuse * max(0, n.l)) + specular * max(0, r.v)^shininess (no highlight where n.l <= 0),
-with v towards the eye and r the mirrored light; albedo = vertex colour * shape colour.
+Radiance = albedo * (ambient + diffuse * max(0, n.l)^falloff) + specular * max(0, r.v)^shininess (no highlight where
+n.l <= 0), with v towards the eye and r the mirrored light; albedo = vertex colour * shape colour. A falloff of 1 is
+Lambert's law; 2 tells shallow relief apart better.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numba import njit
 from mvtn_cli.core.render.raster import draw_face, project
 
 # Columns of the `material` row that the kernels take.
-AMBIENT, DIFFUSE, SPECULAR, SHININESS = 0, 1, 2, 3
+AMBIENT, DIFFUSE, SPECULAR, SHININESS, FALLOFF = 0, 1, 2, 3, 4
 
 
 @njit(cache=True)
@@ -92,7 +93,8 @@ def lambert_and_highlight(nx, ny, nz, vx, vy, vz, lx, ly, lz, material):
         mirrored = 2.0 * cosine * (nx * vx + ny * vy + nz * vz) - (lx * vx + ly * vy + lz * vz)
         if mirrored > 0.0:
             highlight = material[SPECULAR] * mirrored ** material[SHININESS]
-    return material[AMBIENT] + material[DIFFUSE] * cosine, highlight
+    fallen = cosine if material[FALLOFF] == 1.0 else cosine ** material[FALLOFF]
+    return material[AMBIENT] + material[DIFFUSE] * fallen, highlight
 
 
 @njit(cache=True)

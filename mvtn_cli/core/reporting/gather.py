@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +120,7 @@ def read_views(path: Path) -> Views | None:
                 arrays["elevation"].astype(np.float64),
                 arrays["images"].astype(np.uint8),
             )
-    except (OSError, KeyError, ValueError, EOFError):
+    except (OSError, KeyError, ValueError, EOFError, BadZipFile):
         return None
     count, num_views = views.azimuth_deg.shape
     fits = views.images.shape[:3] == (count, num_views, 3) and len(views.names) == count
@@ -148,7 +149,7 @@ def read_cameras(path: Path) -> CameraTable | None:
 
 
 def repeat_command(config: Mapping[str, Any]) -> str:
-    """Write the training command that gives these settings: what differs from the defaults, and always the seed."""
+    """Write the command that trains with these settings: what differs from the defaults, and the seed."""
     import shlex
 
     from mvtn_cli.config import TrainConfig

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 Bytes = NDArray[np.uint8]
+LARGE = 12_000  # bytes of one picture inside a page
 
 PAPER, INK, MUTED, LINE = (252, 252, 250), (32, 36, 40), (110, 118, 126), (222, 222, 216)
 
@@ -33,7 +34,11 @@ def png(image: Bytes, max_size: int | None = None) -> bytes:
 
 def png_uri(image: Bytes, max_size: int | None = None) -> str:
     """Give one picture (3, H, W) as an address that holds the picture itself."""
-    return "data:image/png;base64," + base64.b64encode(png(image, max_size)).decode("ascii")
+    content = png(image, max_size)
+    if len(content) > LARGE:  # noise or many colours: 256 of them do, in a third of the bytes
+        picture = Image.open(io.BytesIO(content)).convert("RGB")
+        content = _encode(picture.quantize(256, Image.Quantize.FASTOCTREE))
+    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
 
 
 def contact_sheet(
@@ -42,6 +47,7 @@ def contact_sheet(
     column_titles: Sequence[str] = (),
     *,
     captions: Sequence[Sequence[str]] = (),
+    title: str = "",
     size: int | None = None,
 ) -> bytes:
     """Lay pictures out in a grid and return it as PNG.
@@ -51,6 +57,7 @@ def contact_sheet(
         row_titles: N texts, written to the left; one that is too long is shortened in its middle.
         column_titles: M texts, written above.
         captions: N rows of M texts, written under the pictures.
+        title: Written over everything.
         size: Side of a cell in pixels; None keeps the pictures' own, but at least 96.
 
     Raises:
@@ -63,15 +70,16 @@ def contact_sheet(
     text = 12 if cell <= 128 else 14
     line, gap, margin = round(text * 1.5), 4, 14
     left = min(260, max((_width(title, text) for title in row_titles), default=-10) + 10)
-    top = line if column_titles else 0
+    head = round(line * 1.4) if title else 0
+    top = head + (line if column_titles else 0)
     below = line if captions else 0
     pitch = cell + gap, cell + gap + below
-    sheet = Image.new(
-        "RGB",
-        (2 * margin + left + columns * pitch[0] - gap, 2 * margin + top + rows * pitch[1] - gap),
-        PAPER,
-    )
+    wide, high = 2 * margin + left + columns * pitch[0] - gap, 2 * margin + top + rows * pitch[1] - gap
+    sheet = Image.new("RGB", (wide, high), PAPER)
     draw = ImageDraw.Draw(sheet)
+    draw.text(
+        (margin, margin), shorten(title, wide - 2 * margin, text + 1), INK, font=_font(text + 1), anchor="lt"
+    )
     for j, title in enumerate(column_titles[:columns]):
         x = margin + left + j * pitch[0] + cell / 2
         draw.text((x, margin + top - 6), shorten(title, cell, text), MUTED, font=_font(text), anchor="ms")
@@ -129,7 +137,9 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     """The font that matplotlib brings along: it has the degree sign, Greek and Cyrillic, on every machine."""
     import matplotlib
 
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
+    return ImageFont.truetype(
+        str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size
+    )
 
 
 def _width(title: str, size: int) -> int:

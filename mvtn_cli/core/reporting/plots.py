@@ -1,7 +1,7 @@
 """Plots as SVG that lives inside a page and takes the page's colours, light or dark.
 
-matplotlib draws with stand-in colours; `_finish` replaces each by a CSS variable of the page. Text stays text, in the
-page's font. The same numbers give the same bytes.
+matplotlib draws with stand-in colours; `_finish` replaces each by a CSS variable of the page. Text stays
+text, in the page's font. The same numbers give the same bytes.
 """
 
 from __future__ import annotations
@@ -87,7 +87,13 @@ def _name_ends(axes: Axes, ends: list[tuple[int, float, str, str]]) -> None:
     over = max([*heights, high]) - high
     for (x, _, name, color), height in zip(ends, heights, strict=True):
         axes.annotate(
-            name, (x, height - over), (5, 0), textcoords="offset points", color=color, fontsize=8.5, va="center"
+            name,
+            (x, height - over),
+            (5, 0),
+            textcoords="offset points",
+            color=color,
+            fontsize=8.5,
+            va="center",
         )
 
 
@@ -97,7 +103,9 @@ def _whole_epochs(axes: Axes) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, min_n_ticks=1))
 
 
-def azimuth_histogram(turns_deg: ArrayLike, start_deg: ArrayLike | None = None, *, near_deg: float = 30.0) -> str:
+def azimuth_histogram(
+    turns_deg: ArrayLike, start_deg: ArrayLike | None = None, *, near_deg: float = 30.0
+) -> str:
     """Draw where the nearest view stands relative to the known side.
 
     Args:
@@ -105,7 +113,7 @@ def azimuth_histogram(turns_deg: ArrayLike, start_deg: ArrayLike | None = None, 
         start_deg: The same before learning; drawn as an outline.
         near_deg: The band around 0 that counts as found.
     """
-    figure, axes = _panel(width=7.2, height=2.7)
+    figure, axes = _panel(width=5.8, height=2.5)
     edges = np.arange(-180, 181, 10)
 
     def shares(turns: ArrayLike) -> NDArray[np.float64]:
@@ -116,9 +124,14 @@ def azimuth_histogram(turns_deg: ArrayLike, start_deg: ArrayLike | None = None, 
     axes.bar(edges[:-1] + 5, shares(turns_deg), width=9, color=ACCENT, linewidth=0)
     if start_deg is not None and np.isfinite(start_deg).any():
         axes.stairs(shares(start_deg), edges, color=WARM, linewidth=1.2, label="before learning")
-        axes.legend(frameon=False, fontsize=8.5, labelcolor=WARM, loc="upper right", handlelength=1.4)
+        axes.legend(
+            frameon=False, fontsize=8.5, labelcolor=WARM, handlelength=1.4, borderaxespad=0,
+            loc="lower right", bbox_to_anchor=(1, 1.02),
+        )  # fmt: skip
     axes.set_xlim(-180, 180)
-    axes.set_xticks(range(-180, 181, 60), [_degrees(x, signed=True) if x else "known side" for x in range(-180, 181, 60)])
+    axes.set_xticks(
+        range(-180, 181, 60), [_degrees(x, signed=True) if x else "known side" for x in range(-180, 181, 60)]
+    )
     axes.set_title("share of shapes (%)", loc="left", fontsize=9, color=INK, pad=8)
     return _finish(figure, "azimuth", "Histogram of the angle between the nearest view and the known side")
 
@@ -142,16 +155,20 @@ def sphere_map(
     views = azimuth.shape[1]
     colors = view_colors(views)
     rows = np.linspace(0, len(azimuth) - 1, min(len(azimuth), max(1, MAX_DOTS // views))).round().astype(int)
-    size = float(np.clip(5000 / max(1, rows.size * views), 6.0, 28.0))
+    size = float(np.clip(3000 / max(1, rows.size * views), 3.5, 16.0))
     figure, axes = _map()
     for v in range(views if dots and len(azimuth) else 0):
         x, y = np.radians(azimuth[rows, v]), np.radians(elevation[rows, v])
-        axes.scatter(x, y, s=size, color=colors[v], alpha=0.7, linewidths=0, zorder=3)
+        axes.scatter(x, y, s=size, color=colors[v], alpha=0.7, linewidths=0, zorder=3, clip_on=False)
     if start is not None:
         a, e = standard_angles(*start)
         for v, (x, y) in enumerate(zip(np.radians(a), np.radians(e), strict=True)):
-            axes.scatter([x], [y], s=110, facecolor=PAPER, edgecolor=colors[v], linewidths=1.6, zorder=4)
-            axes.text(x, y, str(v + 1), color=INK, fontsize=6.5, ha="center", va="center_baseline", zorder=5)
+            axes.scatter(
+                [x], [y], s=60, facecolor="none", edgecolor=colors[v], linewidths=1.3, zorder=2, clip_on=False
+            )
+            axes.annotate(
+                str(v + 1), (x, y), (5, 3), textcoords="offset points", color=INK, fontsize=6.5, zorder=5
+            )
     return _finish(figure, "sphere", "Camera directions on a map of the sphere")
 
 
@@ -171,13 +188,13 @@ def _degrees(angle: int, *, signed: bool = False) -> str:
 def _map() -> tuple[Figure, Axes]:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.6, 4.0))
-    axes = figure.add_axes((0.055, 0.02, 0.935, 0.96), projection="mollweide")
+    figure = Figure(figsize=(5.8, 3.0))
+    axes = figure.add_axes((0.06, 0.02, 0.93, 0.96), projection="mollweide")
     axes.set_facecolor("none")
     axes.set_xticks(np.radians(range(-120, 121, 60)), [_degrees(x) for x in range(-120, 121, 60)])
     axes.set_yticks(np.radians(range(-60, 61, 30)), [_degrees(y) for y in range(-60, 61, 30)])
     axes.set_longitude_grid_ends(90)  # type: ignore[attr-defined]
-    axes.tick_params(colors=MUTED, labelsize=7.5)
+    axes.tick_params(colors=MUTED, labelsize=7)
     axes.grid(color=LINE, linewidth=0.8)
     axes.spines["geo"].set_edgecolor(LINE)
     axes.set_axisbelow(True)
@@ -189,7 +206,7 @@ def _panel(width: float = 4.4, height: float = 2.7) -> tuple[Figure, Axes]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height))
-    inches = (0.44, 0.46, 0.62 if width < 6 else 0.2, 0.36)  # left, bottom, right, top
+    inches = (0.44, 0.46, 0.62 if width < 5 else 0.24, 0.36)  # left, bottom, right, top
     axes = figure.add_axes(
         (
             inches[0] / width,
@@ -204,7 +221,7 @@ def _panel(width: float = 4.4, height: float = 2.7) -> tuple[Figure, Axes]:
     axes.spines["bottom"].set_color(LINE)
     axes.tick_params(colors=MUTED, labelsize=8, length=0, pad=5)
     axes.xaxis.label.set_color(MUTED)
-    axes.xaxis.label.set_size(8.5)
+    axes.xaxis.label.set_fontsize(8.5)
     axes.grid(axis="y", color=LINE, linewidth=0.8)
     axes.set_axisbelow(True)
     return figure, axes
@@ -215,7 +232,7 @@ def _finish(figure: Figure, salt: str, description: str) -> str:
     import matplotlib
 
     buffer = io.BytesIO()
-    settings = {"svg.fonttype": "none", "svg.hashsalt": salt, "font.family": "sans-serif"}
+    settings: Any = {"svg.fonttype": "none", "svg.hashsalt": salt, "font.family": "sans-serif"}
     with matplotlib.rc_context(settings):
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue().decode()
@@ -223,8 +240,7 @@ def _finish(figure: Figure, salt: str, description: str) -> str:
     changes: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
         (r"<metadata>.*?</metadata>\s*", ""),
         (r"<!--.*?-->\s*", ""),
-        (r' id="(figure|axes|patch|line2d|text|matplotlib\.axis|xtick|ytick|legend|PathCollection|LineCollection|'
-         r'FillBetweenPolyCollection|StepPatch|Bbox)[\w.]*"', ""),
+        (r' id="(figure|axes|patch|line2d|text|matplotlib|xtick|ytick|legend|[A-Z][A-Za-z]+)[\w.]*"', ""),
         (r' xmlns(:xlink)?="[^"]*"', ""),
         (r'<svg [^>]*?viewBox="([^"]*)"[^>]*>', rf'<svg viewBox="\1" role="img" aria-label="{description}">'),
         (r"<defs>\s*<style.*?</style>\s*</defs>", ""),

@@ -13,12 +13,13 @@ import numpy as np
 
 from mvtn_cli.core.shapes.colors import scaled_colors
 from mvtn_cli.core.shapes.polygons import fan
-from mvtn_cli.core.shapes.rows import Rows, is_int
+from mvtn_cli.core.shapes.rows import Rows, floats, is_int
 from mvtn_cli.core.shapes.shape import ColorArray, FaceArray, FloatArray, Shape
 from mvtn_cli.core.shapes.source import not_a, quoted, read_text, unreadable
 
 # ModelNet glues the counts to the keyword ("OFF490 518 0"); T, C, N announce numbers behind each vertex.
 _KEYWORD = re.compile(rb"(?P<st>ST)?(?P<c>C)?(?P<n>N)?(?P<four>4)?(?P<dim>n)?OFF(?P<rest>.*)\Z", re.DOTALL)
+_PLAIN_HEAD = re.compile(rb"\s*OFF\s*(\d{1,9})[ \t]+(\d{1,9})(?:[ \t]+\d+)?[ \t]*[\r\n]")
 
 
 def read_off(path: Path) -> Shape:
@@ -30,6 +31,8 @@ def read_off(path: Path) -> Shape:
         DataError: Not OFF, binary OFF, truncated, counts that don't match, or an index out of range.
     """
     data = read_text(path, "OFF")
+    if (plain := _read_plain(data)) is not None:
+        return plain
     rows = Rows.parse(path, data)
     flags, n_vertices, n_faces, body = _header(rows, data)
     if n_vertices + n_faces > len(body):
@@ -43,6 +46,27 @@ def read_off(path: Path) -> Shape:
         )
     vertices, colors = _vertices(body[:n_vertices], flags)
     return Shape(vertices=vertices, faces=_faces(body[n_vertices:], n_vertices), colors=colors)
+
+
+def _read_plain(data: bytes) -> Shape | None:
+    """Read a file of triangles and three numbers a vertex, four times faster; None if it is another."""
+    head = _PLAIN_HEAD.match(data)
+    if head is None or b"#" in data:
+        return None
+    n_vertices, n_faces = int(head[1]), int(head[2])
+    tokens = data[head.end() :].split()
+    if len(tokens) != 3 * n_vertices + 4 * n_faces:
+        return None
+    try:
+        numbers = floats(tokens, len(tokens))
+    except ValueError:
+        return None
+    vertices, faces = numbers[: 3 * n_vertices].reshape(-1, 3), numbers[3 * n_vertices :].reshape(-1, 4)
+    corners = faces[:, 1:]
+    plain = (faces[:, 0] == 3).all() and ((corners >= 0) & (corners < n_vertices)).all()
+    if not plain or not (corners == np.rint(corners)).all():
+        return None
+    return Shape(vertices=vertices, faces=corners.astype(np.int32))
 
 
 def _header(rows: Rows, data: bytes) -> tuple[re.Match[bytes], int, int, Rows]:

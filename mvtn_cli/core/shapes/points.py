@@ -12,6 +12,7 @@ from mvtn_cli.core.shapes.colors import extra_colors
 from mvtn_cli.core.shapes.rows import Rows, is_int
 from mvtn_cli.core.shapes.shape import Shape, cloud
 from mvtn_cli.core.shapes.source import check_file, read_text, unreadable
+from mvtn_cli.errors import DataError
 
 MAX_POINTS = 20_000_000
 
@@ -51,7 +52,7 @@ def read_npy(path: Path) -> Shape:
     check_file(path)
     try:  # mapped, not read: the header's shape is held against the file's size before memory is taken
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError, SyntaxError, MemoryError, OverflowError) as error:
+    except Exception as error:  # NumPy parses the header as Python, which can fail in many ways
         raise unreadable(path, "is not a whole NumPy file", expected="an array (N, 3) of numbers") from error
     if not isinstance(array, np.ndarray):
         raise unreadable(path, "holds several arrays", expected="one array (N, 3) of numbers")
@@ -76,7 +77,9 @@ def read_hdf5(path: Path) -> Shape:
             if name is None:
                 raise unreadable(path, f"has {len(found)} datasets at its top", expected="'data' or 'points'")
             return _from_array(path, found[name], f"dataset '{name}'")
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
+    except DataError:
+        raise
+    except Exception as error:  # a parser of foreign files: it may trip over anything
         raise unreadable(path, "is not a whole HDF5 file", expected="a dataset (N, 3)") from error
 
 
@@ -89,7 +92,7 @@ def _from_array(path: Path, array: Any, what: str) -> Shape:
             path, f"{what} holds {shape[0]} clouds", expected="one, of shape (N, 3)",
             hint="open its folder as a data set: modelnet40:FOLDER",
         )  # fmt: skip
-    if len(shape) != 2 or not 3 <= shape[1] <= 64 or shape[0] == 0:
+    if len(shape) != 2 or not 3 <= shape[1] <= 12 or shape[0] == 0:
         turned = " (transposed?)" if len(shape) == 2 and shape[0] == 3 else ""
         raise unreadable(path, f"{what} has shape {tuple(array.shape)}{turned}", expected="(N, 3)")
     if array.dtype.kind not in "fiu":

@@ -21,7 +21,7 @@ class Rows:
 
     @classmethod
     def parse(cls, path: Path, data: bytes, comment: bytes = b"#") -> Rows:
-        """Split text into rows, dropping blank lines and everything from a word that begins with `comment`."""
+        """Split text into rows, without blank lines and without what follows a word that begins a comment."""
         tokens, lines = [], []
         for number, line in enumerate(data.splitlines(), 1):
             row = line.split()

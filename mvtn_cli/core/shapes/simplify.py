@@ -59,7 +59,8 @@ def simplify(shape: Shape, max_vertices: int) -> tuple[Shape, Simplification | N
         max_vertices: At least 4.
 
     Returns:
-        The shape and what was done; the shape given and None if it is a point cloud or under the limit.
+        The shape and what was done; the shape given and None if it is a point cloud or under the limit
+        (or, with a limit of a few vertices, if nothing of it would be left).
     """
     if max_vertices < 4:
         raise ValueError(f"max_vertices must be at least 4, got {max_vertices}")
@@ -122,7 +123,7 @@ def _by_collapses(unit: Shape, max_vertices: int, keep_borders: bool) -> Shape |
 
 
 def _on_grid(unit: Shape, max_vertices: int) -> Shape | None:
-    """Merge all vertices of a grid cell into the first of them, with the finest grid that fits; None if none does."""
+    """Merge all vertices of a grid cell into the first, on the finest grid that fits; None if none does."""
     fits: Shape | None = None
     coarse, fine = 1, 1 << 14  # cells along the radius
     while fine - coarse > 1:

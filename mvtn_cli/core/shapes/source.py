@@ -33,7 +33,11 @@ _SIGNATURES: tuple[tuple[bytes, str], ...] = (
 
 def shown(path: str | os.PathLike[str]) -> str:
     """Return a file name as one printable line, whatever bytes it has."""
-    text = os.fsencode(path).decode("utf-8", "backslashreplace")
+    return printable(os.fsencode(path).decode("utf-8", "backslashreplace"))
+
+
+def printable(text: str) -> str:
+    """Return text as one line, with escapes for what can't be printed."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
@@ -42,8 +46,8 @@ def unreadable(
 ) -> DataError:
     """Build the one-line error for a file: which, where, what was wrong, what was expected."""
     where = shown(path) if line is None else f"{shown(path)}, line {line}"
-    message = f"{where}: {what}" + (f"; expected {expected}" if expected else "")
-    return DataError(message, hint=hint, code="shapes.unreadable")
+    message = f"{where}: {what[:300]}" + (f"; expected {expected}" if expected else "")
+    return DataError(printable(message), hint=hint, code="shapes.unreadable")
 
 
 def not_a(path: Path, format_name: str, data: bytes, *, expected: str = "") -> DataError:
@@ -55,8 +59,7 @@ def not_a(path: Path, format_name: str, data: bytes, *, expected: str = "") -> D
 
 def quoted(token: bytes) -> str:
     """Return a piece of a file for an error message: printable, and short."""
-    text = token.decode("ascii", "backslashreplace")
-    text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    text = printable(token.decode("ascii", "backslashreplace"))
     return f"'{text[:30]}…'" if len(text) > 30 else f"'{text}'"
 
 

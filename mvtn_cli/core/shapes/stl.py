@@ -23,7 +23,7 @@ def read_stl(path: Path) -> Shape:
     """
     data = read_bytes(path)
     declared = int.from_bytes(data[80:84], "little") if len(data) >= _HEADER_BYTES else -1
-    if len(data) == _HEADER_BYTES + declared * _FACET_BYTES:
+    if declared >= 0 and len(data) == _HEADER_BYTES + declared * _FACET_BYTES:
         corners = _binary(data, declared)
     elif data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
         corners = _ascii(path, data)

@@ -1,4 +1,10 @@
-"""What is wrong with a shape, and what can be mended (numerics notes T17 to T21)."""
+"""What is wrong with a shape, and what can be mended.
+
+Mended: non-finite-vertices, non-finite-points, unreferenced-vertices, duplicate-vertices,
+repeated-index-faces, zero-area-faces, duplicate-faces, missing-colors, colors-out-of-range.
+A mending that leaves nothing is fatal.
+Always fatal: malformed-arrays, no-faces, no-points, index-out-of-range, single-point, too-large.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +38,7 @@ class Finding:
     """One kind of defect in one shape.
 
     Attributes:
-        name: E.g. `unreferenced-vertices`; the list is in `docs/findings.md`.
+        name: One of those listed above; scripts match it.
         count: How many vertices, faces or points have it.
         fatal: The shape can't be used.
         detail: One sentence for people.
@@ -67,8 +73,20 @@ def validate(shape: Shape) -> tuple[Shape, list[Finding]]:
         _check_arrays(shape)
         mended = _mend_cloud(shape, findings) if shape.is_cloud else _mend_mesh(shape, findings)
     except _UnusableError as unusable:
-        return shape, [*findings, unusable.finding]
-    return (mended if findings else shape), findings
+        return shape, [*_by_name(findings), unusable.finding]
+    return (mended if findings else shape), _by_name(findings)
+
+
+def _by_name(findings: list[Finding]) -> list[Finding]:
+    """Join the findings of one name."""
+    joined: dict[str, Finding] = {}
+    for finding in findings:
+        before = joined.get(finding.name)
+        if before is not None:
+            detail = f"{before.detail}; then {finding.count} more"
+            finding = replace(finding, count=before.count + finding.count, detail=detail)
+        joined[finding.name] = finding
+    return list(joined.values())
 
 
 def _check_arrays(shape: Shape) -> None:
@@ -122,15 +140,15 @@ def _mend_mesh(shape: Shape, findings: list[Finding]) -> Shape:
     colors = _mend_colors(shape.colors, findings)
     used = referenced(faces, count)
     faces = _drop_non_finite(vertices, faces, findings)
-    kept = referenced(faces, count)
-    _check_extent(vertices[kept])
     if (unused := int((~used & finite_rows(vertices)).sum())) > 0:
         findings.append(
             _mended("unreferenced-vertices", unused, f"{unused} vertices belong to no face; removed")
         )
-    faces = _merge_vertices(vertices, colors, faces, kept, findings)
-    faces = _drop(faces, _repeats_index(faces), "repeated-index-faces", "use a vertex twice", findings)
-    faces = _drop(faces, _flat(vertices, faces, kept), "zero-area-faces", "have no area", findings)
+    faces = _drop_degenerate(
+        vertices, faces, findings
+    )  # first: a far flat face must not make the rest a point
+    faces = _merge_vertices(vertices, colors, faces, findings)
+    faces = _drop_degenerate(vertices, faces, findings)
     faces = _drop(faces, repeated_faces(faces), "duplicate-faces", "have the corners of another", findings)
     return _compact(replace(shape, colors=colors), faces)
 
@@ -171,15 +189,23 @@ def _drop_non_finite(vertices: FloatArray, faces: FaceArray, findings: list[Find
     return faces[keep]
 
 
+def _drop_degenerate(vertices: FloatArray, faces: FaceArray, findings: list[Finding]) -> FaceArray:
+    """Drop faces without area, again as long as that changes the extent by which it is judged."""
+    faces = _drop(faces, _repeats_index(faces), "repeated-index-faces", "use a vertex twice", findings)
+    while True:
+        kept = referenced(faces, len(vertices))
+        _check_extent(vertices[kept])
+        flat = _flat(vertices, faces, kept)
+        if not flat.any():
+            return faces
+        faces = _drop(faces, flat, "zero-area-faces", "have no area", findings)
+
+
 def _merge_vertices(
-    vertices: FloatArray,
-    colors: ColorArray | None,
-    faces: FaceArray,
-    kept: BoolArray,
-    findings: list[Finding],
+    vertices: FloatArray, colors: ColorArray | None, faces: FaceArray, findings: list[Finding]
 ) -> FaceArray:
     """Let faces use the first of all vertices in one place and of one colour."""
-    at = np.flatnonzero(kept)
+    at = np.flatnonzero(referenced(faces, len(vertices)))
     center, half = box_frame(vertices[at])
     cells = np.rint((vertices[at] - center) / (half * MERGE_RADIUS)).astype(np.int64)
     columns = [cells[:, 0], cells[:, 1], cells[:, 2]]

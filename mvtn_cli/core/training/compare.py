@@ -13,11 +13,11 @@ from scipy import stats
 from mvtn_cli.config import SELECTIONS, TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.training.checkpoint import write_json
-from mvtn_cli.core.training.find import dataset_word
+from mvtn_cli.core.training.find import candidates, dataset_word, readable_differences
 from mvtn_cli.core.training.loop import train
 from mvtn_cli.core.training.predict import load_model, predict
 from mvtn_cli.core.training.run import Run
-from mvtn_cli.errors import Interrupted, UsageError, choose_error
+from mvtn_cli.errors import DataError, Interrupted, UsageError, choose_error
 
 CONFIDENCE = 0.95
 
@@ -51,19 +51,22 @@ def compare(
     Raises:
         Interrupted: As `train`.
         UsageError: An unknown selection.
+        DataError: There is nothing to test on.
     """
     names = [full_selection(name, config.layout) for name in selections]
-    group = config.name or f"compare-{dataset_word(prepared.spec)}-{config.num_views}v"
     numbers = range(config.seed, config.seed + seeds)
+    plan = {(name, seed): _settings_of_one(config, name, seed) for seed in numbers for name in names}
+    group = config.name or _free_group(config, plan, prepared)
+    if evaluate is None and not prepared.split("test"):
+        raise DataError(f"no shapes for split 'test' in {prepared.spec}", code="dataset.empty-split")
     judge = evaluate or (lambda run: _test_accuracy(run, prepared, config.device))
     results: dict[str, list[float]] = {name: [] for name in names}
     runs: dict[str, list[str]] = {name: [] for name in names}
-    for seed in numbers:  # by seed first, so that an early stop leaves whole pairs
-        for name in names:
-            run = _train_one(config, name, seed, group, prepared, console)
-            results[name].append(judge(run))
-            runs[name].append(str(run.path))
-            console.note(f"{name}, seed {seed}: test accuracy {results[name][-1]:.1%}")
+    for (name, seed), one in plan.items():  # by seed first, so that an early stop leaves whole pairs
+        run = _train_one(one, f"{group}/{_run_word(name, seed)}", prepared, console)
+        results[name].append(judge(run))
+        runs[name].append(str(run.path))
+        console.note(f"{name}, seed {seed}: test accuracy {results[name][-1]:.1%}")
     table = {
         "name": group,
         "path": str(Path(config.runs) / group),
@@ -133,13 +136,29 @@ def paired_interval(a: Sequence[float], b: Sequence[float]) -> tuple[float, floa
     return mean, mean - half, mean + half
 
 
-def _train_one(config: TrainConfig, name: str, seed: int, group: str, prepared: Any, console: Console) -> Run:
+def _settings_of_one(config: TrainConfig, name: str, seed: int) -> TrainConfig:
     changed = {"views": name, "seed": seed, "name": None}
     if name != "learned-direct":
         changed["angles"] = "periodic"  # the form of the angles belongs to learned-direct alone
-    one = TrainConfig.model_validate({**config.model_dump(), **changed})
+    return TrainConfig.model_validate({**config.model_dump(), **changed})
+
+
+def _run_word(name: str, seed: int) -> str:
+    return f"{name}-s{seed}"
+
+
+def _free_group(config: TrainConfig, plan: dict[tuple[str, int], TrainConfig], prepared: Any) -> str:
+    """A folder for runs that were given no name: the first one that holds no run of other settings."""
+    for path in candidates(config.runs, f"compare-{dataset_word(prepared.spec)}-{config.num_views}v"):
+        begun = [(Run(path / _run_word(*key)), one) for key, one in plan.items()]
+        if not any(run.exists and readable_differences(run, one, prepared) for run, one in begun):
+            return path.name
+    raise AssertionError("the candidates never end")
+
+
+def _train_one(config: TrainConfig, name: str, prepared: Any, console: Console) -> Run:
     try:
-        return train(one, prepared, console, name=f"{group}/{name}-s{seed}", reuse_finished=True)
+        return train(config, prepared, console, name=name, reuse_finished=True)
     except Interrupted as error:
         error.hint = "go on with the same command: finished runs are not repeated"
         raise

@@ -40,17 +40,17 @@ def find_or_create_run(
     """
     if name is None:
         for run in Run.all(runs):
-            if not _readable_differences(run, config, prepared) and not run.finished:
+            if not readable_differences(run, config, prepared) and not run.finished:
                 return _continue(run, console)
-    elif (runs / name / "run.json").exists():
+    elif Run(runs / name).exists:
         _refuse_changes(Run(runs / name), config, prepared)
-    for path in _candidates(runs, name or default_name(config, prepared)):
-        if not (path / "run.json").exists():
+    for path in candidates(runs, name or default_name(config, prepared)):
+        if not Run(path).exists:
             run = Run.create(path, config, prepared)
             console.note(f"run {run.label(runs)}")
             return run
         run = Run(path)
-        if not _readable_differences(run, config, prepared):
+        if not readable_differences(run, config, prepared):
             if not run.finished:
                 return _continue(run, console)
             if reuse_finished:
@@ -86,7 +86,8 @@ def dataset_word(spec: str) -> str:
     return "-".join(words).lower() or "data"
 
 
-def _candidates(runs: Path, name: str) -> Iterator[Path]:
+def candidates(runs: Path, name: str) -> Iterator[Path]:
+    """The folder of a name, then those of the name with -2, -3, … without end."""
     yield runs / name
     for number in count(2):
         yield runs / f"{name}-{number}"
@@ -97,7 +98,7 @@ def _continue(run: Run, console: Console) -> Run:
     return run
 
 
-def _readable_differences(run: Run, config: TrainConfig, prepared: Any) -> dict[str, tuple[Any, Any]]:
+def readable_differences(run: Run, config: TrainConfig, prepared: Any) -> dict[str, tuple[Any, Any]]:
     """The differences; a run that can't be read differs in everything."""
     try:
         return differences(run, config, prepared)

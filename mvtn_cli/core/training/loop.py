@@ -81,9 +81,7 @@ def _train(
     """From the first step, or the one after the last that was saved, to the end."""
     shown = shown_indices(indices, [record.label for record in prepared.records], SHOWN_SHAPES)
     if config.select == "test":
-        console.warn(
-            "the best epoch is chosen on the test split, so the test accuracy will flatter the network"
-        )
+        console.warn("the best epoch is chosen on the test split, so the test accuracy will flatter")
     if not indices.select:
         console.note("no shapes choose the best epoch: the last one is taken")
 
@@ -140,7 +138,8 @@ def _train(
                         tally.gradient_norms.append(float(norm or 0.0))
                     for optimiser in stepping:
                         optimiser.step()
-                    tally.add(float(loss.detach()), int((logits.argmax(1).cpu() == batch.labels).sum()), len(batch))
+                    correct = (logits.argmax(1).cpu() == batch.labels).sum()
+                    tally.add(float(loss.detach()), int(correct), len(batch))
                     position.bad_in_a_row = 0
                 else:
                     learner.restore_buffers(model, buffers)
@@ -200,8 +199,8 @@ def _some(names: tuple[str, ...]) -> str:
 
 def _step_line(position: Position) -> str:
     """How it is going, for the progress bar."""
-    summary = position.tally.summary()
-    parts = [] if summary["train_loss"] is None else [f"loss {summary['train_loss']:.3f}"]
+    tally = position.tally
+    parts = [f"loss {tally.loss / tally.shapes:.3f}"] if tally.shapes else []
     if position.best is not None and position.best["val_accuracy"] is not None:
         parts.append(f"best val {position.best['val_accuracy']:.1%}")
     return ", ".join(parts)

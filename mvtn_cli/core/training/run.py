@@ -108,6 +108,11 @@ class Run:
     # What it says
 
     @property
+    def exists(self) -> bool:
+        """Whether the folder holds a run."""
+        return (self.path / "run.json").is_file()
+
+    @property
     def name(self) -> str:
         """The name of its folder."""
         return self.path.name

@@ -114,7 +114,5 @@ def collapse(saturation: float, spread_deg: float, apart_deg: float | None) -> s
     if apart_deg is not None and apart_deg < SAME_DEG:
         return f"all views of a shape look from the same side ({apart_deg:.1f}° apart)"
     if saturation > SATURATED and spread_deg < SAME_DEG:
-        return (
-            f"all shapes get the same views, which can't move: {saturation:.0%} of the angles saturated"
-        )
+        return f"all shapes get the same views, which can't move: {saturation:.0%} of the angles saturated"
     return None

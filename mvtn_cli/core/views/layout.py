@@ -84,7 +84,7 @@ def _deserno_ring_sizes(num_views: int) -> list[int] | None:
 def _even_ring_sizes(num_views: int) -> list[int]:
     """Ring sizes in proportion to the rings' lengths that sum to M, by largest remainder.
 
-    At equal remainders the rings nearest to the equator come first, and the lower one before the upper one.
+    At equal remainders the lower ring comes first.
     """
     rings = _ring_count(num_views)
     elevations = _ring_elevations(rings)
@@ -92,8 +92,7 @@ def _even_ring_sizes(num_views: int) -> list[int]:
     share = num_views * length / length.sum()
     sizes = np.maximum(np.floor(share).astype(int), 1)
     # rounded, so that the two rings of a mirror pair tie in every arithmetic
-    remainder, height = np.round(share - sizes, 9), np.abs(np.round(elevations, 9))
-    order = np.lexsort((np.arange(rings), height, -remainder))
+    order = np.argsort(-np.round(share - sizes, 9), kind="stable")
     for ring in order[: num_views - int(sizes.sum())]:
         sizes[ring] += 1
     return [int(size) for size in sizes]

@@ -1,10 +1,13 @@
-"""Things to sit on, eat at and lie on: chair, table, sofa, bed. Units are roughly metres; the front looks along +z."""
+"""Things to sit on, eat at and lie on: chair, table, sofa, bed. About metres; the front looks along +z."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 from numpy.random import Generator
 
+from mvtn_cli.core.datasets.builtin.chance import chance
 from mvtn_cli.core.datasets.builtin.mesh import (
     Mesh,
     board,
@@ -25,11 +28,6 @@ from mvtn_cli.core.datasets.builtin.mesh import (
 _CORNERS = [(-1, -1), (-1, 1), (1, -1), (1, 1)]
 
 
-def chance(rng: Generator, probability: float) -> bool:
-    """Flip a coin."""
-    return bool(rng.random() < probability)
-
-
 # ---------------------------------------------------------------- chair
 
 
@@ -42,7 +40,7 @@ def chair(rng: Generator) -> Mesh:
     round_seat = chance(rng, 0.25)
     seat = top_plate(width, depth, thickness, 2.2 if round_seat else u(5, 12)).at(y=height - thickness)
     parts = [seat, *_seat_base(rng, width, depth, height - thickness, 0.66 if round_seat else 0.92)]
-    back = join(_chair_back(rng, width * (0.8 if round_seat else 1.0), u(0.30, 0.75)))
+    back = join(_chair_back(rng, width * (0.8 if round_seat else 1.0), u(0.24, 0.75)))
     parts.append(back.turned("x", -u(2, 16)).at(y=height - 0.01, z=-depth / 2 * 0.9))
     if not round_seat and chance(rng, 0.4):
         parts += mirrored_pair(join(_armrest(width / 2, depth, height, u(0.16, 0.26), u(0.025, 0.05))))
@@ -51,14 +49,16 @@ def chair(rng: Generator) -> Mesh:
 
 def _seat_base(rng: Generator, width: float, depth: float, height: float, spread: float) -> list[Mesh]:
     u = rng.uniform
-    style = rng.choice(["legs", "legs", "legs", "pedestal", "sled"])
+    style = rng.choice(["legs", "legs", "legs", "pedestal", "sled", "boards"])
     if style == "pedestal":
         return _pedestal(rng, height, width * u(0.42, 0.55))
     size = u(0.025, 0.065)
     x, z = width / 2 * spread - size / 2, depth / 2 * spread - size / 2
+    if style == "boards":
+        return mirrored_pair(board(size * 0.7, height, 2 * z).at(x))
     if style == "sled":
         loop = [(x, height, -z), (x, size / 2, -z), (x, size / 2, z), (x, height, z)]
-        return mirrored_pair(join(rod(a, b, size / 2) for a, b in zip(loop[:-1], loop[1:], strict=True)))
+        return mirrored_pair(join(rod(a, b, size / 2) for a, b in pairwise(loop)))
     parts = four_legs(rng, x, z, height, size, splay=u(0, 0.18) if chance(rng, 0.5) else 0.0)
     if chance(rng, 0.4):
         rail = height * u(0.2, 0.5)
@@ -70,7 +70,7 @@ def _seat_base(rng: Generator, width: float, depth: float, height: float, spread
 def four_legs(
     rng: Generator, x: float, z: float, height: float, size: float, splay: float = 0.0
 ) -> list[Mesh]:
-    """Four legs from (±x, height, ±z) down to the floor, square or round, perhaps tapered and splayed outwards."""
+    """Four legs from (±x, height, ±z) down to the floor, square or round, perhaps tapered and splayed."""
     sides = 10 if chance(rng, 0.45) else 4
     foot = size * rng.uniform(0.5, 1.0)
     return [
@@ -85,7 +85,7 @@ def _pedestal(rng: Generator, height: float, reach: float) -> list[Mesh]:
     u = rng.uniform
     column = u(0.03, 0.06)
     if chance(rng, 0.35):
-        return [disc(reach * 0.9, 0.025), disc(column, height)]
+        return [disc(reach * 0.9, 0.025), disc(column, height - 0.01).at(y=0.01)]
     arms, low = int(rng.integers(4, 6)), u(0.05, 0.09)
     ends = [(reach * np.sin(t), low * 0.6, reach * np.cos(t)) for t in np.arange(arms) * 2 * np.pi / arms]
     feet = [rod((0, low + 0.03, 0), end, 0.03, 0.018) for end in ends]
@@ -141,9 +141,9 @@ def _armrest(x: float, depth: float, height: float, rise: float, size: float) ->
 def table(rng: Generator) -> Mesh:
     """Top on legs, a pedestal, end panels or trestles; from a low coffee table to a bar table."""
     u = rng.uniform
-    length = u(0.6, 1.5)
+    length = u(0.5, 1.4)
     depth = length * u(0.5, 1.0)
-    height, thickness = u(0.35, 0.95), u(0.02, 0.07)
+    height, thickness = u(0.35, 0.95), u(0.02, 0.09)
     exponent = 2.0 if chance(rng, 0.35) else u(6, 20)
     top = top_plate(length, depth, thickness, exponent).at(y=height - thickness)
     return join(
@@ -222,11 +222,11 @@ def sofa(rng: Generator) -> Mesh:
 
 
 def bed(rng: Generator) -> Mesh:
-    """Mattress on a frame with a headboard and pillows, perhaps a footboard, a blanket, four tall posts, or a bunk."""
+    """Mattress on a frame with a headboard and pillows; perhaps a footboard, a canopy, or a bunk above."""
     u = rng.uniform
     width, length = u(0.75, 1.9), u(1.7, 2.1)
     frame, mattress, low = u(0.10, 0.28), u(0.12, 0.30), u(0.04, 0.30)
-    style = rng.choice(["plain", "plain", "four-poster", "bunk"])
+    style = rng.choice(["plain", "plain", "plain", "four-poster", "bunk"])
     if style == "bunk":
         width, frame, mattress = u(0.75, 1.1), 0.12, 0.16
     top = low + frame + mattress

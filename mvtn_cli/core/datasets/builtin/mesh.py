@@ -1,7 +1,7 @@
 """Triangle meshes from a handful of primitives: boxes, lofts, lathes, tubes, slabs, posts.
 
-Axes: y is up, a thing's front looks along +z, its length or width lies along x. Every primitive is welded, wound
-outwards and centred as its docstring says; `split_creases` opens the sharp edges once, at the end.
+Axes: y is up, a thing's front looks along +z, its length or width lies along x. Every primitive is welded,
+wound outwards and centred as its docstring says; `split_creases` opens the sharp edges once, at the end.
 """
 
 from __future__ import annotations
@@ -13,6 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+
+EDGE_GAP = 2e-6
+"""How far the two sides of a sharp edge lie apart, in extents: below a pixel, yet more than one place."""
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _BOX_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2.0
@@ -102,8 +105,9 @@ def lathe(profile: ArrayLike, segments: int = 24) -> Mesh:
     """Surface of revolution about y.
 
     Args:
-        profile: (K, 2) of (radius, height), walked so that the outside lies to the right when height points up: up the
-            outside, then down the inside of a hollow thing. A first or last radius of 0 closes that end.
+        profile: (K, 2) of (radius, height), walked so that the outside lies to the right when height points
+            up: up the outside, then down the inside of a hollow thing. A first or last radius of 0 closes
+            that end.
         segments: Around the axis.
     """
     points = np.asarray(profile, dtype=float)
@@ -152,7 +156,9 @@ def rod(
     start: ArrayLike, end: ArrayLike, radius: float, end_radius: float | None = None, segments: int = 10
 ) -> Mesh:
     """Straight cylinder or cone between two points."""
-    return tube([start, end], [radius, radius if end_radius is None else end_radius], segments)
+    return tube(
+        np.array([start, end], dtype=float), [radius, radius if end_radius is None else end_radius], segments
+    )
 
 
 def post(foot: ArrayLike, top: ArrayLike, foot_size: float, top_size: float, sides: int = 4) -> Mesh:
@@ -165,7 +171,7 @@ def post(foot: ArrayLike, top: ArrayLike, foot_size: float, top_size: float, sid
 
 
 def slab(outline: ArrayLike, thickness: float) -> Mesh:
-    """Flat plate: an outline (N, 2) in x and y, counter-clockwise and star-shaped from its mean, thick along z."""
+    """Flat plate, thick along z: an outline (N, 2) in x, y, counter-clockwise, star-shaped from its mean."""
     points = np.asarray(outline, dtype=float)
     back = np.column_stack([points, np.full(len(points), -thickness / 2)])
     front = back + np.array([0.0, 0.0, thickness])
@@ -173,7 +179,7 @@ def slab(outline: ArrayLike, thickness: float) -> Mesh:
 
 
 def top_plate(width: float, depth: float, thickness: float, exponent: float, segments: int = 32) -> Mesh:
-    """Horizontal plate standing on y = 0, its outline a superellipse: 2 is an ellipse, 10 nearly a rectangle."""
+    """Horizontal plate standing on y = 0, a superellipse: exponent 2 is an ellipse, 10 nearly a rectangle."""
     outline = superellipse(width, depth, exponent, segments)
     return slab(outline, thickness).turned("x", -90).at(y=thickness / 2)
 
@@ -190,7 +196,7 @@ def superellipse(width: float, height: float, exponent: float, segments: int = 3
 
 
 def rounded_box(width: float, height: float, depth: float, radius: float, steps: int = 2) -> Mesh:
-    """Cuboid centred on the origin with round edges: the sphere of `radius`, its eight octants moved apart."""
+    """Cuboid centred on the origin with round edges: a sphere whose eight octants are moved apart."""
     half = np.array([width, height, depth]) / 2
     radius = min(radius, 0.98 * float(half.min()))
     quarter = np.linspace(0, np.pi / 2, steps + 1)
@@ -237,8 +243,9 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 def split_creases(mesh: Mesh, degrees: float = 50.0) -> Mesh:
     """Give the two sides of every sharp edge vertices of their own, so that smooth shading keeps the edge.
 
-    The corners of all faces are nodes; corners that meet across a smooth edge belong together, and each group becomes
-    one vertex.
+    The corners of all faces are nodes; corners that meet across a smooth edge belong together, and each group
+    becomes one vertex. A group is drawn inwards by `EDGE_GAP`, so that nothing that merges vertices in one
+    place closes the edge again.
     """
     faces = mesh.faces.astype(np.int64)
     a, b, c = (mesh.vertices[faces[:, k]] for k in range(3))
@@ -258,6 +265,10 @@ def split_creases(mesh: Mesh, degrees: float = 50.0) -> Mesh:
     left, right = np.concatenate([low[e], high[e]]), np.concatenate([low[f], high[f]])
     links = coo_matrix((np.ones(left.size, dtype=np.int8), (left, right)), shape=(start.size, start.size))
     groups, group = connected_components(links, directed=False)
-    vertices = np.zeros((groups, 3))
+    vertices, inward = np.zeros((groups, 3)), np.zeros((groups, 3))
     vertices[group] = mesh.vertices[start]
+    for axis in range(3):
+        inward[:, axis] = -np.bincount(group, np.repeat(normals[:, axis], 3), groups)
+    gap = EDGE_GAP * np.ptp(mesh.vertices, axis=0).max()
+    vertices += gap * inward / np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
     return Mesh(vertices, group.reshape(-1, 3).astype(np.int32))

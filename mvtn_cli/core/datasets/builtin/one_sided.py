@@ -1,8 +1,8 @@
 """`builtin:one-sided`: a task whose best view is known.
 
-Every shape is a barrel that leans back and whose top is cut on a slant, so that the body says where its front is. One of
-six smooth reliefs lies on the front and on nothing else: from behind, all classes look alike. The front's azimuth is
-uniform, so no fixed camera serves, and a network that sees the points can find it.
+Every shape is a barrel that leans back and whose top is cut on a slant, so that the body says where its front
+is. One of six smooth reliefs lies on the front and on nothing else: from behind, all classes look alike. The
+front's azimuth is uniform, so no fixed camera serves, and a network that sees the points can find it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from mvtn_cli.core.datasets.builtin.mesh import Mesh
+from mvtn_cli.core.datasets.builtin.mesh import EDGE_GAP, Mesh
 from mvtn_cli.core.datasets.builtin.shapes import shape_rng
 from mvtn_cli.core.shapes import Shape
 
@@ -58,11 +58,11 @@ class Body:
 
 
 def build(index: int, seed: int = 0, split: str = "train") -> tuple[Shape, int]:
-    """Make one shape; the three arguments decide every coordinate. Classes take turns: the label is index mod 6.
+    """Make one shape, decided by the three arguments. Classes take turns: the label is index mod 6.
 
     Returns:
-        The mesh (y up, own units, not normalised; `known_azimuth_deg` in [-180, 180) is where its front looks), and the
-        label.
+        The mesh (y up, own units, not normalised; `known_azimuth_deg` in [-180, 180) is where its front
+        looks), and the label.
     """
     label = index % len(CLASSES)
     body = draw_body(shape_rng(seed, split, "one-sided", index))
@@ -94,7 +94,7 @@ def draw_body(rng: Generator) -> Body:
 
 
 def barrel(body: Body, label: int) -> Mesh:
-    """Build the mesh with its front towards +z: a welded mantle and two flat caps with vertices of their own."""
+    """Build the mesh, front towards +z: a welded mantle and two flat caps with vertices of their own."""
     angle, rise = _ANGLE[:, None], _RISE[None, :]
     profile = body.radius * (1 + body.taper * rise + body.bulge * (1 - rise**2))
     radius = profile + body.amplitude * relief(body, label)
@@ -103,15 +103,15 @@ def barrel(body: Body, label: int) -> Mesh:
     y = body.half_height * rise - up * body.slant * body.radius * np.cos(angle)
     z = radius * np.cos(angle) - up * body.lean
     mantle = np.stack([x, y, z], axis=-1)
-    foot = np.array([[0, -body.half_height, 0]])
-    rim = np.array(
-        [[0, body.half_height, -body.lean]]
-    )  # in the slanted plane of the rim: the slant is linear in z
-    return Mesh(np.concatenate([mantle.reshape(-1, 3), mantle[:, 0], foot, mantle[:, -1], rim]), _FACES)
+    # The rim's middle lies in its slanted plane. Caps stand off a hair, so that no one merges them away.
+    gap = np.array([0.0, EDGE_GAP, 0.0])
+    foot = np.concatenate([mantle[:, 0], [[0, -body.half_height, 0]]]) + gap
+    rim = np.concatenate([mantle[:, -1], [[0, body.half_height, -body.lean]]]) - gap
+    return Mesh(np.concatenate([mantle.reshape(-1, 3), foot, rim]), _FACES)
 
 
 def relief(body: Body, label: int) -> np.ndarray:
-    """Height of a class's relief on the grid (columns, rows), 0 to about 1; exactly 0 outside the front patch."""
+    """Height of a class's relief on the grid (columns, rows), 0 to about 1; exactly 0 off the front patch."""
     u, v = _PATCH_U, _RISE[None, :]
     x, y = u - body.shift[0], v - body.shift[1]
     stroke, size = body.stroke, body.size

@@ -71,16 +71,15 @@ def open_builtin(spec: str) -> Dataset:
         raise UsageError(
             f"'{spec}' asks for no shapes", hint="set train or test above 0", code="dataset.empty"
         )
-    canonical = f"builtin:{name}?" + "&".join(f"{key}={settings[key]}" for key in DEFAULTS[name])
+    changed = [f"{key}={value}" for key, value in settings.items() if value != DEFAULTS[name][key]]
+    canonical = f"builtin:{name}" + ("?" + "&".join(changed) if changed else "")
     make, classes = (_everyday, shapes.CLASSES) if name == "shapes" else (_one_sided, one_sided.CLASSES)
     items = tuple(
         item for split in ("train", "test") for item in make(split, settings[split], settings["seed"])
     )
     what = "everyday shapes" if name == "shapes" else "barrels with a relief on one side"
-    title = (
-        f"{what} made on the spot: {len(classes)} classes, {settings['train']} train, {settings['test']} test "
-        f"(seed {settings['seed']})"
-    )
+    counts = f"{settings['train']} train, {settings['test']} test, seed {settings['seed']}"
+    title = f"{what} made on the spot: {len(classes)} classes, {counts}"
     return Dataset(canonical, title, classes, items, known_view=name == "one-sided")
 
 
@@ -95,10 +94,11 @@ def _settings(query: str, spec: str) -> dict[str, int]:
             raise UsageError(
                 f"{key} is given twice in '{spec}'", hint="keep one of the two", code="dataset.setting"
             )
-        if not (text.isascii() and text.isdecimal()) or int(text) > _LARGEST[key]:
+        readable = text.isascii() and text.isdecimal() and len(text) < 20
+        if not readable or int(text) > _LARGEST[key]:
             raise UsageError(
                 f"{key} in '{spec}' must be a whole number in [0, {_LARGEST[key]}], got '{text}'",
-                hint=f"for example builtin:shapes?{key}=120",
+                hint=f"for example {spec.partition('?')[0]}?{key}=120",
                 code="dataset.setting",
             )
         settings[key] = int(text)

@@ -1,7 +1,7 @@
 """`builtin:shapes`: twelve everyday classes, made on the spot.
 
-The classes overlap in their overall proportions (bookshelf and wardrobe draw their sizes from one range, the vessels
-share theirs), so that the distances inside a shape alone tell little and a picture tells much.
+The classes overlap in their overall proportions (bookshelf and wardrobe draw their sizes from one range, the
+vessels from similar ones), so that the distances inside a shape alone tell little and a picture tells much.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from numpy.random import Generator
 from mvtn_cli.core.datasets.builtin import furniture, storage, vehicles, vessels
 from mvtn_cli.core.datasets.builtin.mesh import Mesh, split_creases
 from mvtn_cli.core.shapes import Shape
+from mvtn_cli.errors import choose_error
 
 VERSION = 1
 """Goes up with each change that moves a vertex; stored shapes of another version are made again."""
 
-STRETCH = 0.12
+STRETCH = 0.15
 """Each axis is stretched by exp(U(-STRETCH, STRETCH))."""
 
 _GENERATORS: dict[str, Callable[[Generator], Mesh]] = {
@@ -49,9 +50,14 @@ def build(class_name: str, index: int, seed: int = 0, split: str = "train") -> S
         seed: Of the whole set, from 0.
         split: `train` and `test` are independent draws.
 
+    Raises:
+        UsageError: No class has this name.
+
     Returns:
-        A mesh with y up, turned about y by a uniform angle, in its own units (not normalised), without colours.
+        A mesh with y up, turned about y by a uniform angle, in its own units (not normalised), uncoloured.
     """
+    if class_name not in _GENERATORS:
+        raise choose_error("class", class_name, CLASSES)
     rng = shape_rng(seed, split, class_name, index)
     mesh = split_creases(_GENERATORS[class_name](rng))
     mesh = mesh.scaled(*np.exp(rng.uniform(-STRETCH, STRETCH, 3))).turned("y", rng.uniform(0, 360))

@@ -1,11 +1,11 @@
-"""Things that hold things: bookshelf (open) and wardrobe (closed). Both draw their outer sizes from the same ranges."""
+"""Things that hold things: bookshelf (open) and wardrobe (closed). Both draw their outer sizes alike."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.random import Generator
 
-from mvtn_cli.core.datasets.builtin.furniture import chance
+from mvtn_cli.core.datasets.builtin.chance import chance
 from mvtn_cli.core.datasets.builtin.mesh import Mesh, ball, board, box, disc, join, mirrored_pair, rod
 
 
@@ -34,22 +34,23 @@ def bookshelf(rng: Generator) -> Mesh:
     """Open case with shelves, perhaps divided, perhaps without a back, with books on some shelves."""
     u = rng.uniform
     width, height, depth = _outer_size(rng)
-    plate = u(0.02, 0.045)
+    plate = u(0.025, 0.055)
     low, parts = _support(rng, width, depth)
     high = height - low
     shelves = max(3, round(high / u(0.26, 0.42)) + 1)
     levels = np.linspace(plate / 2, high - plate / 2, shelves)
     case = mirrored_pair(board(plate, high, depth).at((width - plate) / 2))
     case += [box(width - 2 * plate, plate, depth * 0.98).at(y=level) for level in levels]
-    if chance(rng, 0.7):
+    if chance(rng, 0.5):
         case.append(board(width - plate, high, 0.012).at(z=-depth / 2 + 0.006))
     columns = 2 if width > 0.9 and chance(rng, 0.6) else 1
     if columns == 2:
         case.append(board(plate, high, depth * 0.97).at(width * u(-0.15, 0.15)))
     room = (high - plate) / (shelves - 1) - plate
-    for level in levels[:-1]:
-        if chance(rng, 0.5):
-            case += [book.at(y=level + plate / 2) for book in _books(rng, width - 2 * plate, room, depth)]
+    filled = rng.random(shelves - 1) < 0.7
+    filled[0] |= not filled.any()
+    for level in levels[:-1][filled]:
+        case += [book.at(y=level + plate / 2) for book in _books(rng, width - 2 * plate, room, depth)]
     return join([*parts, *(part.at(y=low) for part in case)])
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from mvtn_cli.core.datasets.builtin.furniture import chance
+from mvtn_cli.core.datasets.builtin.chance import chance
 from mvtn_cli.core.datasets.builtin.mesh import (
     Mesh,
     ball,
@@ -23,7 +23,7 @@ from mvtn_cli.core.datasets.builtin.mesh import (
 
 # ---------------------------------------------------------------- car
 
-# Cabin of each kind: rear and front end of its foot and of its roof, as shares of the length from the tail; roof height.
+# Each kind's cabin: rear and front end of its foot and of its roof, in lengths from the tail; height.
 _CABINS = {
     "saloon": ((0.16, 0.74), (0.30, 0.56), 0.44),
     "hatchback": ((0.02, 0.72), (0.10, 0.52), 0.50),
@@ -35,7 +35,7 @@ _CABINS = {
 
 
 def car(rng: Generator) -> Mesh:
-    """Body with a cabin of one of five kinds on four wheels, with lamps, perhaps mirrors, a rack or a spoiler."""
+    """Body with a cabin of one of six kinds on four wheels, perhaps with mirrors, a rack or a spoiler."""
     u = rng.uniform
     kind = str(rng.choice(list(_CABINS)))
     length, width = u(3.0, 5.0), u(1.5, 2.1)
@@ -115,7 +115,7 @@ def _wheels(width: float, length: float, radius: float, base: float) -> list[Mes
 
 
 def airplane(rng: Generator) -> Mesh:
-    """Fuselage with wings, tail and fin; jets under the wing or at the tail, or a propeller; high or low wing."""
+    """Fuselage with wings, tail and fin, and jets under the wing, at the tail or inside, or a propeller."""
     u = rng.uniform
     radius = u(0.10, 0.20)
     parts = [_fuselage(rng, radius)]
@@ -128,13 +128,13 @@ def airplane(rng: Generator) -> Mesh:
     y, lift = (radius * 0.8 if high else -radius * 0.5), u(0.0, 7.0)
     place = u(-0.05, 0.12)
     wing = _wing(root, span, sweep, taper, 0.045).turned("z", lift).at(0, y, place)
-    parts += mirrored_pair(wing)
+    parts += mirrored_pair(wing.at(x=0.01))
     tail_y = radius * 0.4
     fin = _wing(u(0.25, 0.36), u(0.28, 0.42), u(0.12, 0.25), u(0.4, 0.7), 0.03).turned("z", 90)
     parts.append(fin.at(0, tail_y * 0.5, -0.84))
     t_tail = kind == "rear jets" or chance(rng, 0.15)
     tail = _wing(u(0.18, 0.28), u(0.28, 0.42), u(0.05, 0.2), u(0.4, 0.8), 0.025)
-    parts += mirrored_pair(tail.at(0, tail_y + (0.32 if t_tail else 0), -0.92 if t_tail else -0.86))
+    parts += mirrored_pair(tail.at(0.01, tail_y + (0.32 if t_tail else 0), -0.92 if t_tail else -0.86))
     parts += _engines(rng, str(kind), radius, y, place, sweep / span, np.tan(np.radians(lift)))
     if kind == "propeller" or chance(rng, 0.25):
         parts += _gear(radius)
@@ -156,7 +156,7 @@ def _fuselage(rng: Generator, radius: float) -> Mesh:
 
 
 def _wing(root: float, span: float, sweep: float, taper: float, thick: float) -> Mesh:
-    """Right half of a wing from x = 0 to x = span, chord along z, centred on its root; `sweep` is how far the tip lies back."""
+    """Right half of a wing from x = 0 to x = span, chord along z; its tip lies `sweep` further back."""
     outline = np.array([(-0.5, 0.0), (-0.2, 0.4), (0.25, 0.5), (0.5, 0.0), (0.25, -0.4), (-0.2, -0.4)])
     sections = []
     for share in (0.0, 0.5, 1.0):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator
 
-from mvtn_cli.core.datasets.builtin.furniture import chance
-from mvtn_cli.core.datasets.builtin.mesh import Mesh, ball, curve, disc, join, lathe, mirrored_pair, rod, tube
+from mvtn_cli.core.datasets.builtin.chance import chance
+from mvtn_cli.core.datasets.builtin.mesh import Mesh, ball, curve, join, lathe, mirrored_pair, rod, tube
 
 
 def _hollow(outside: np.ndarray, wall: float, floor: float) -> np.ndarray:
@@ -25,14 +25,14 @@ def mug(rng: Generator) -> Mesh:
     u = rng.uniform
     radius = 0.5
     height = 2 * radius * u(0.75, 2.3)
-    foot, belly, lip = radius * u(0.65, 1.1), radius * u(0.9, 1.2), radius * u(0.85, 1.15)
+    foot, belly, lip = radius * u(0.5, 1.1), radius * u(0.9, 1.3), radius * u(0.8, 1.25)
     control = [(foot, 0), (0.5 * (foot + belly), height * 0.2), (belly, height * u(0.4, 0.6)), (lip, height)]
     if chance(rng, 0.45):  # straight walls
         control = [(foot, 0), (foot + (lip - foot) * 0.5, height * 0.5), (lip, height)]
     outside = curve(control, 10)
     cup = lathe(_hollow(outside, u(0.04, 0.08), height * 0.07))
     low, high = height * u(0.12, 0.3), height * u(0.7, 0.9)
-    return join([cup, _handle(rng, outside, low, high, u(0.25, 0.5), u(0.05, 0.09))])
+    return join([cup, _handle(rng, outside, low, high, u(0.2, 0.6), u(0.05, 0.10))])
 
 
 def _handle(rng: Generator, outside: np.ndarray, low: float, high: float, reach: float, thick: float) -> Mesh:
@@ -117,7 +117,7 @@ def bottle(rng: Generator) -> Mesh:
     parts = [lathe([*profile, *_closure(rng, neck, top)])]
     if chance(rng, 0.5):  # the inner side of the glass
         parts.append(lathe([(0, 0.08), (radius * 0.9, 0.1), *(curved * (0.9, 1.0)), (0, top)]))
-    if chance(rng, 0.4):  # label
+    if waist == radius and chance(rng, 0.5):  # label
         low, high = body * 0.12, body * 0.42
         parts.append(
             lathe([(radius * 0.9, low), (radius * 1.03, low), (radius * 1.03, high), (radius * 0.9, high)])
@@ -153,7 +153,7 @@ def _closure(rng: Generator, neck: float, top: float) -> list[tuple[float, float
 
 
 def vase(rng: Generator) -> Mesh:
-    """Open vessel with a belly, a narrower neck and a flared lip on a small foot; perhaps with two handles or stems."""
+    """Open vessel with a belly, a narrower neck, a lip and a small foot; perhaps two handles or flowers."""
     u = rng.uniform
     radius = 0.5
     height = 2 * radius * u(0.9, 2.6)
@@ -163,7 +163,9 @@ def vase(rng: Generator) -> Mesh:
     outside = curve(control, 14)
     outside[:, 0] = np.maximum(outside[:, 0], 0.12)
     base = [(foot * 1.15, 0), (foot * 1.15, height * 0.04)]
-    parts = [lathe(_hollow(np.concatenate([base, outside + (0, height * 0.04)]), 0.05, height * 0.1))]
+    parts = [
+        lathe(_hollow(np.concatenate([base, outside + np.array([0, height * 0.04])]), 0.05, height * 0.1))
+    ]
     if chance(rng, 0.35):
         low, high = height * (place + 0.08), height * (throat + 0.04)
         ear = [(np.interp(y, outside[:, 1], outside[:, 0]), y, 0) for y in (high, low)]
