@@ -26,7 +26,7 @@ Mode = Literal["text", "json", "jsonl"]
 
 
 class PipeClosed(BrokenPipeError):
-    """The reader of our stdout or stderr has gone. (A worker's broken pipe is another matter, and an error.)"""
+    """The reader of our stdout or stderr has gone; a worker's broken pipe is another matter, and an error."""
 
 
 class Ticker:

@@ -1,4 +1,4 @@
-"""Between two neighbouring samples, where does the surface that is seen break off? All faces are asked, exactly."""
+"""Between two neighbouring samples, where does the seen surface break off? All faces are asked, exactly."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def seen_along(camera: np.ndarray, faces: np.ndarray, ray: np.ndarray, step: np.
 
 
 def spans(corners: np.ndarray, ray: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return from where (F,) to where (F,) on the way each of the triangles (F, 3, 3) is hit; from > to where never."""
+    """Return from where to where on the way, (F,) each, triangles (F, 3, 3) are hit; from > to: never."""
     orientation = np.sign(np.linalg.det(corners))[:, None, None]
     sides = orientation * np.cross(corners, np.roll(corners, -1, axis=1))
     start, change = sides @ ray, sides @ step
@@ -60,7 +60,9 @@ def inverse_depth(corners: np.ndarray, ray: np.ndarray) -> float:
     return (normal @ ray) / (normal @ corners[0])
 
 
-def meetings(camera: np.ndarray, faces: np.ndarray, hit: np.ndarray, ray: np.ndarray, step: np.ndarray) -> list[float]:
+def meetings(
+    camera: np.ndarray, faces: np.ndarray, hit: np.ndarray, ray: np.ndarray, step: np.ndarray
+) -> list[float]:
     """Return where on the way two of the faces that are hit are equally near."""
     ends = [[inverse_depth(camera[faces[n]], at) for at in (ray, ray + step)] for n in hit]
     found = []
@@ -73,7 +75,7 @@ def meetings(camera: np.ndarray, faces: np.ndarray, hit: np.ndarray, ray: np.nda
 
 @dataclass(frozen=True)
 class Jump:
-    """A place where the seen surface breaks off, and by how much 1/z changes there, relative to the nearer side."""
+    """Where the seen surface breaks off, and by how much 1/z changes there, relative to the nearer side."""
 
     share: float
     depth_step: float

@@ -15,8 +15,10 @@ from reference.scenes import FOV, batch_of
 
 
 def cameras(*views: tuple[float, float, float], count: int = 1, grad: bool = False) -> Cameras:
-    """Return the same (azimuth, elevation, distance) views for each of `count` shapes, as leaves of their own."""
-    columns = [torch.tensor(column, dtype=torch.float32).repeat(count, 1) for column in zip(*views, strict=True)]
+    """Return the same (azimuth, elevation, distance) views for each of `count` shapes."""
+    columns = [
+        torch.tensor(column, dtype=torch.float32).repeat(count, 1) for column in zip(*views, strict=True)
+    ]
     return Cameras(*(column.requires_grad_(grad) for column in columns), fov_deg=FOV)
 
 
@@ -31,7 +33,10 @@ def image(shape: StoredShape, views: Cameras, look: Look) -> np.ndarray:
 
 
 def gradients(shape: StoredShape, views: Cameras, look: Look, weights: np.ndarray, **how) -> np.ndarray:
-    """Return (M, 3): d<weights, images> by azimuth, elevation (per degree) and distance; weights (M, 3, H, W)."""
+    """Return (M, 3): d<weights, images> by azimuth, elevation (per degree) and distance.
+
+    `weights` are (M, 3, H, W).
+    """
     angles = (views.azimuth_deg, views.elevation_deg, views.distance)
     leaves = [field.detach().clone().requires_grad_() for field in angles]
     rgb = render(batch_of(shape), Cameras(*leaves, fov_deg=FOV), look, **how).rgb

@@ -18,7 +18,7 @@ def look_at(eye: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 
 def orbit(azimuth_deg: float, elevation_deg: float, distance: float) -> np.ndarray:
-    """Return [R | t] of a camera that looks at the origin from a place on a sphere; between the poles only."""
+    """Return [R | t] of a camera on a sphere that looks at the origin; between the poles only."""
     a, e = np.radians(azimuth_deg), np.radians(elevation_deg)
     eye = distance * np.array([np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)])
     return look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]))

@@ -9,7 +9,7 @@ NEAR = 0.01
 OPAQUE = 0.999
 KERNEL = Polynomial([1, 0, -1]) ** 2  # (1 - u^2)^2 on |u| <= 1
 INTEGRAL = KERNEL.integ()
-# A disc of the radial kernel and its separable stand-in have the same variance along an axis and the same mass.
+# A disc of the radial kernel and its separable stand-in have the same variance and the same mass.
 SIGMA = np.sqrt(7 / 8)
 AMPLITUDE = (np.pi / 3) / (SIGMA * 16 / 15) ** 2
 
@@ -30,7 +30,7 @@ def draw_points(
     radius: float,
     background: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> np.ndarray:
-    """Return the (3, H, W) image of (P, 3) points of (P, 3) colours; equally near points in their own order."""
+    """Return the (3, H, W) image of P points with P colours; equally near points in their own order."""
     right, up, back = (points.astype(np.float64) @ rt[:, :3].T + rt[:, 3]).T
     ahead = -back
     seen = np.flatnonzero(ahead > NEAR)

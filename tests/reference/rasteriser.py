@@ -1,9 +1,9 @@
 """Every face is held against every sample: which one is seen?
 
-The conventions are the renderer's: screen coordinates are rounded to 1/256 sample, a face is cut at the near plane, a
-sample on an edge belongs to the face right of it (or below it, for level edges), the nearer face wins, and among
-faces that are equally near to 5e-7 the one that comes first. The arithmetic isn't: signs instead of biases, ray and
-plane instead of increments, no bounding box.
+The conventions are the renderer's: screen coordinates are rounded to 1/256 sample, a face is cut at the
+near plane, a sample on an edge belongs to the face right of it (or below it, for level edges), the nearer
+one wins, and among faces that are equally near to 5e-7 the first one. The arithmetic isn't: signs instead
+of biases, ray and plane instead of increments, no bounding box.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MARGIN = 5e-7
 
 @dataclass(frozen=True)
 class View:
-    """What is seen: face ids (H, W), -1 for background; 1/depth (H, W); camera coordinates (V, 3) of the vertices."""
+    """Face ids (H, W), -1 for background; 1/depth (H, W); camera coordinates (V, 3) of the vertices."""
 
     ids: np.ndarray
     inverse_depth: np.ndarray

@@ -160,7 +160,7 @@ def stiff() -> dict[str, StoredShape]:
     nan[4, 1], nan[17, 0], nan[25] = np.nan, np.inf, -np.inf
     return {
         "across the near plane": stored(random.uniform(-4, 4, (36, 3)), np.arange(36)),
-        "behind the camera": stored(random.uniform(-1, 1, (18, 3)) + [0, 0, 5], np.arange(18)),
+        "behind the camera": stored(np.add(random.uniform(-1, 1, (18, 3)), [0, 0, 5]), np.arange(18)),
         "slivers": stored(slivers(30, 1e-6), np.arange(90)),
         "slivers that are lines": stored(slivers(30, 0), np.arange(90)),
         "needles": stored(slivers(30, 0.01), np.arange(90)),

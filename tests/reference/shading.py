@@ -36,7 +36,7 @@ class Scene:
 
 
 def weights_of_hit(corners: np.ndarray, ray: np.ndarray) -> np.ndarray:
-    """Return the (3,) barycentric weights of where a ray meets the plane of (3, 3) corners, held within the face."""
+    """Return the barycentric weights of where a ray meets the plane of a face, held inside it."""
     weights = np.maximum(np.linalg.solve(corners.T, ray), 0)
     return weights / weights.sum()
 

@@ -18,6 +18,7 @@ from mvtn_cli.core.shapes import (
     normalise,
     sample_surface,
     simplify,
+    split_creases,
     validate,
     vertex_normals,
 )
@@ -107,12 +108,14 @@ def build(shape: Shape, settings: Settings, address: str) -> tuple[StoredShape, 
     start = time.perf_counter()
     shape, simplification = simplify(shape, settings.max_vertices)
     seconds = time.perf_counter() - start
+    origin, faces = split_creases(shape.vertices, shape.faces)
+    vertices = shape.vertices[origin]
     points, point_colors = sample_surface(shape, settings.num_points, int(address[:8], 16))
     stored = StoredShape(
-        vertices=shape.vertices.astype(np.float32),
-        faces=shape.faces.astype(np.int32),
-        normals=vertex_normals(shape.vertices, shape.faces).astype(np.float32),
-        colors=None if shape.colors is None else shape.colors.astype(np.float32),
+        vertices=vertices.astype(np.float32),
+        faces=faces.astype(np.int32),
+        normals=vertex_normals(vertices, faces).astype(np.float32),
+        colors=None if shape.colors is None else shape.colors[origin].astype(np.float32),
         points=points.astype(np.float32),
         point_colors=None if point_colors is None else point_colors.astype(np.float32),
         center=np.asarray(center, dtype=np.float64),

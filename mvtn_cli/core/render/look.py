@@ -19,13 +19,20 @@ MATERIALS = {"studio": (0.1, 0.9, 0.0, 64.0, 2.0), "paper": (0.5, 0.3, 0.2, 64.0
 class LookSettings(Protocol):
     """The fields of a configuration that decide about the look."""
 
-    image_size: int
-    look: str
-    color: str
-    light: str
-    shading: str
-    supersample: int
-    point_radius: float
+    @property
+    def image_size(self) -> int: ...
+    @property
+    def look(self) -> str: ...
+    @property
+    def color(self) -> str: ...
+    @property
+    def light(self) -> str: ...
+    @property
+    def shading(self) -> str: ...
+    @property
+    def supersample(self) -> int: ...
+    @property
+    def point_radius(self) -> float: ...
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """What a shape is: read, validate, normalise, simplify, sample."""
 
+from mvtn_cli.core.shapes.creases import split_creases
 from mvtn_cli.core.shapes.normalise import normalise
 from mvtn_cli.core.shapes.normals import vertex_normals
 from mvtn_cli.core.shapes.reading import SUFFIXES, read_shape
@@ -18,6 +19,7 @@ __all__ = [
     "read_shape",
     "sample_surface",
     "simplify",
+    "split_creases",
     "turn_y_up",
     "validate",
     "vertex_normals",

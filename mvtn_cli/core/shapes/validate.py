@@ -144,9 +144,8 @@ def _mend_mesh(shape: Shape, findings: list[Finding]) -> Shape:
         findings.append(
             _mended("unreferenced-vertices", unused, f"{unused} vertices belong to no face; removed")
         )
-    faces = _drop_degenerate(
-        vertices, faces, findings
-    )  # first: a far flat face must not make the rest a point
+    # Before merging too: a far face without area must not make the rest a point.
+    faces = _drop_degenerate(vertices, faces, findings)
     faces = _merge_vertices(vertices, colors, faces, findings)
     faces = _drop_degenerate(vertices, faces, findings)
     faces = _drop(faces, repeated_faces(faces), "duplicate-faces", "have the corners of another", findings)

@@ -15,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 EDGE_GAP = 2e-6
-"""How far the two sides of a sharp edge lie apart, in extents: below a pixel, yet more than one place."""
+"""How far the two sides of a sharp edge lie apart, in extents: below a pixel, yet not one place."""
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _BOX_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2.0
