@@ -63,13 +63,9 @@ def doctor(config: DoctorConfig, call: Call) -> None:
     bad = [finding.name for finding in findings if finding.state == "bad"]
     call.console.result({"schema": "mvtn.doctor/1", "ok": not bad}, records="checks")
     if bad:
-        raise MvtnError(
-            f"broken: {', '.join(bad)}", hint="the lines marked bad say how to mend it", code="doctor.bad"
-        )
+        raise MvtnError(f"broken: {', '.join(bad)}", hint="the lines marked bad say how to mend it", code="doctor.bad")
     warnings = sum(finding.state == "warn" for finding in findings)
-    call.console.note(
-        f"all that is needed works, {counted(warnings, 'warning')}; next: mvtn preprocess && mvtn train"
-    )
+    call.console.note(f"all that is needed works, {counted(warnings, 'warning')}; next: mvtn preprocess && mvtn train")
 
 
 def _safely(
@@ -107,9 +103,7 @@ def _devices(config: DoctorConfig, call: Call) -> Iterator[Finding]:
         yield Finding("cuda", "ok", ", ".join(names))
     else:
         built = torch.version.cuda
-        reason = (
-            f"torch is built for CUDA {built} but sees no device" if built else "this torch is built without"
-        )
+        reason = f"torch is built for CUDA {built} but sees no device" if built else "this torch is built without"
         yield Finding("cuda", "ok", f"none: {reason}; networks run on the CPU")
     if torch.backends.mps.is_available():
         yield Finding("mps", "ok", "available: --device mps")
@@ -154,9 +148,7 @@ def _runs(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     if _writable(config.runs):
         yield Finding("runs", "ok", f"{config.runs.absolute()}")
     else:
-        yield Finding(
-            "runs", "warn", f"{config.runs.absolute()} can't be written", "give --runs DIR to train"
-        )
+        yield Finding("runs", "warn", f"{config.runs.absolute()} can't be written", "give --runs DIR to train")
 
 
 def _disk(config: DoctorConfig, call: Call) -> Iterator[Finding]:

@@ -25,9 +25,7 @@ def evaluate(config: EvalConfig, call: Call) -> None:
     if prepared.address != run.info["data_address"]:
         call.console.warn(f"{prepared.spec} is not what {run.path} was trained on: the shapes have changed")
     result = _evaluate(run, prepared, config, call)
-    rows = [
-        (row["name"], row["count"], row["correct"], _percent(row["accuracy"])) for row in result["per_class"]
-    ]
+    rows = [(row["name"], row["count"], row["correct"], _percent(row["accuracy"])) for row in result["per_class"]]
     rows.append(("all shapes", result["count"], result["correct"], _percent(result["accuracy"])))
     rows.append(("mean of classes", "", "", _percent(result["class_accuracy"])))
     title = f"{run.path}: {config.split}, {config.checkpoint} weights"
@@ -62,9 +60,7 @@ def _sentences(result: dict[str, Any]) -> list[str]:
         lines.append(f"known view: median error {median}°, {near} % within 30°, {far} % over 90°")
     if baseline := result["baseline"]:
         lead = 100 * (result["accuracy"] - baseline["accuracy"])
-        lines.append(
-            f"baseline: histogram forest {_percent(baseline['accuracy'])} %, {lead:+.1f} points to this run"
-        )
+        lines.append(f"baseline: histogram forest {_percent(baseline['accuracy'])} %, {lead:+.1f} points to this run")
     return lines
 
 

@@ -133,9 +133,7 @@ def _general(*, dry_run: bool) -> Iterator[inspect.Parameter]:
         yield flag("dry_run", "Print the plan and write nothing", "-n")
     yield _keyword(
         "config",
-        typer.Option(
-            None, help="Settings in TOML (default ./mvtn.toml)", metavar="FILE", rich_help_panel="General"
-        ),
+        typer.Option(None, help="Settings in TOML (default ./mvtn.toml)", metavar="FILE", rich_help_panel="General"),
         Path | None,
     )
     yield flag("show_config", "Print what holds and where each value comes from")

@@ -49,9 +49,7 @@ def predict(config: PredictConfig, call: Call) -> None:
         records="predictions",
     )
     judge_bad_files(bad, len(files), config.on_bad)
-    call.console.note(
-        f"{counted(len(files) - bad, 'file')} classified by {run.path} in {duration(call.seconds)}"
-    )
+    call.console.note(f"{counted(len(files) - bad, 'file')} classified by {run.path} in {duration(call.seconds)}")
 
 
 def _answers(
@@ -68,17 +66,13 @@ def _answers(
     for file in batch:
         if (row := rows.get(str(Path(file).absolute()))) is None:
             continue
-        likeliest = sorted(zip(row.tolist(), run.classes, strict=True), key=lambda pair: -pair[0])[
-            : config.top
-        ]
+        likeliest = sorted(zip(row.tolist(), run.classes, strict=True), key=lambda pair: -pair[0])[: config.top]
         answer = {"file": file, "class": likeliest[0][1], "probability": likeliest[0][0]}
         yield answer | {"top": [{"class": name, "probability": share} for share, name in likeliest]}
 
 
 def _line(answer: dict[str, Any]) -> str:
-    return "\t".join(
-        [answer["file"], *(f"{top['class']}\t{top['probability']:.2f}" for top in answer["top"])]
-    )
+    return "\t".join([answer["file"], *(f"{top['class']}\t{top['probability']:.2f}" for top in answer["top"])])
 
 
 def _batches(files: Sequence[str], size: int) -> Iterator[list[str]]:

@@ -79,9 +79,7 @@ def _document(prepared: Prepared, summary: Summary, call: Call) -> dict[str, Any
 
 
 def _text(summary: Summary) -> str:
-    return _lines(
-        {name: getattr(summary, name) for name in ("kept", "simplified", "mended", "rejected", "reused")}
-    )
+    return _lines({name: getattr(summary, name) for name in ("kept", "simplified", "mended", "rejected", "reused")})
 
 
 def _lines(values: dict[str, Any]) -> str:
@@ -90,9 +88,7 @@ def _lines(values: dict[str, Any]) -> str:
 
 def _show(summary: Summary, call: Call) -> None:
     """Narrate what was found: reasons by count, how good the simplification is, the bad files by name."""
-    reasons = Counter(
-        finding["finding"].split(":")[0] for finding in summary.findings if not finding["fatal"]
-    )
+    reasons = Counter(finding["finding"].split(":")[0] for finding in summary.findings if not finding["fatal"])
     fatal = Counter(finding["finding"].split(":")[0] for finding in summary.findings if finding["fatal"])
     rows = [("kept", summary.kept, f"{summary.reused} of them were up to date")]
     if summary.simplifications:
@@ -111,9 +107,7 @@ def _show(summary: Summary, call: Call) -> None:
 def _simplification_words(simplifications: list[dict[str, Any]]) -> str:
     errors = [entry["error_percent"] for entry in simplifications if entry["error_percent"] is not None]
     seconds = [entry["seconds"] for entry in simplifications if entry["seconds"] is not None]
-    parts = (
-        [f"error median {median(errors):.2f} %, worst {max(errors):.2f} % of the radius"] if errors else []
-    )
+    parts = [f"error median {median(errors):.2f} %, worst {max(errors):.2f} % of the radius"] if errors else []
     parts += [f"{median(seconds):.2f} s a mesh"] if seconds else []
     return "; ".join(parts)
 

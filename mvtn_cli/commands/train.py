@@ -54,9 +54,7 @@ def train(options: TrainOptions, call: Call) -> None:
     return None
 
 
-def _measure_if_possible(
-    run: Run, prepared: Prepared, config: TrainConfig, call: Call
-) -> dict[str, Any] | None:
+def _measure_if_possible(run: Run, prepared: Prepared, config: TrainConfig, call: Call) -> dict[str, Any] | None:
     """Measure on the test split; a data set without one is trained all the same."""
     try:
         return measure(run, prepared, call, device=config.device, threads=config.threads)

@@ -129,9 +129,7 @@ def test_the_version_is_an_answer(mvtn: Mvtn):
         (["--qqqq"], "unknown option '--qqqq'", "see mvtn --help"),
     ],
 )
-def test_wrong_use_exits_with_2_and_names_the_right_word(
-    words: list[str], message: str, hint: str, mvtn: Mvtn
-):
+def test_wrong_use_exits_with_2_and_names_the_right_word(words: list[str], message: str, hint: str, mvtn: Mvtn):
     result = mvtn(*words)
     assert result.code == ExitCode.USAGE
     assert result.out == ""
@@ -139,9 +137,7 @@ def test_wrong_use_exits_with_2_and_names_the_right_word(
     assert not hint or f"  {hint}" in result.err.splitlines()
 
 
-@pytest.mark.parametrize(
-    "words", [["trian", "--json"], ["cache", "--epochs", "--json"], ["cache", "cler", "--jsonl"]]
-)
+@pytest.mark.parametrize("words", [["trian", "--json"], ["cache", "--epochs", "--json"], ["cache", "cler", "--jsonl"]])
 def test_with_json_the_last_line_on_stderr_is_the_error_for_machines(words: list[str], mvtn: Mvtn):
     result = mvtn(*words)
     assert result.out == ""
@@ -199,9 +195,7 @@ def test_a_bug_is_one_line_and_a_traceback_only_with_debug(mvtn: Mvtn, fake_comm
         (MemoryError(), "out of memory"),
     ],
 )
-def test_what_the_machine_refuses_is_no_bug(
-    error: Exception, words: str, mvtn: Mvtn, fake_command: FakeCommand
-):
+def test_what_the_machine_refuses_is_no_bug(error: Exception, words: str, mvtn: Mvtn, fake_command: FakeCommand):
     fake_command(raising(error))
     result = mvtn("cache")
     assert words in result.err and "internal" not in result.err

@@ -52,9 +52,7 @@ def write_shapes(folder: Path, *names: str) -> list[Path]:
 def shapes(own_folder: Path) -> Path:
     """Two classes of two shapes each, one of them broken."""
     root = own_folder / "set"
-    names = [
-        f"{kind}/{split}/{kind}_{split}.off" for kind in ("chair", "table") for split in ("train", "test")
-    ]
+    names = [f"{kind}/{split}/{kind}_{split}.off" for kind in ("chair", "table") for split in ("train", "test")]
     write_shapes(root, *names)
     (root / "chair/train/broken.off").write_text("OFF\n3 1 0\n0 0 0\n")
     return root
@@ -132,9 +130,7 @@ RESULT = {
 def fake_core(own_folder: Path, fake_module: FakeModule, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """A core that trains and measures in no time and remembers what it was asked."""
     seen = SimpleNamespace(prepared=SimpleNamespace(spec="set", address="a1"), threads=[], result=RESULT)
-    seen.run = SimpleNamespace(
-        path=Path("runs/r"), info={"dataset": "set", "data_address": "a1", "title": "y up"}
-    )
+    seen.run = SimpleNamespace(path=Path("runs/r"), info={"dataset": "set", "data_address": "a1", "title": "y up"})
 
     def train(config: Any, prepared: Any, console: Any) -> Any:
         seen.train = (config, prepared)
@@ -196,9 +192,7 @@ def test_train_without_test_shapes_is_a_success_with_a_warning(fake_core: Simple
     assert mvtn("train").code == 1
 
 
-def test_train_compare_prints_one_table_of_means_and_one_of_differences(
-    fake_core: SimpleNamespace, mvtn: Mvtn
-):
+def test_train_compare_prints_one_table_of_means_and_one_of_differences(fake_core: SimpleNamespace, mvtn: Mvtn):
     result = mvtn("train", "--compare", "fixed,random", "--seeds", 4)
     config, selections, seeds = fake_core.compare
     assert (selections, seeds, config.views) == (["fixed", "random"], 4, "fixed")
@@ -284,9 +278,7 @@ def test_predict_answers_with_class_and_probability_in_the_order_given(
     assert mvtn("predict", "b.off", "--top", 2).out == "b.off\tchair\t0.73\ttable\t0.27\n"
 
 
-def test_predict_answers_all_others_when_a_file_is_bad(
-    own_folder: Path, fake_model: SimpleNamespace, mvtn: Mvtn
-):
+def test_predict_answers_all_others_when_a_file_is_bad(own_folder: Path, fake_model: SimpleNamespace, mvtn: Mvtn):
     write_shapes(own_folder, "a.off")
     (own_folder / "bad.off").write_text("nonsense")
     result = mvtn("predict", "bad.off", "a.off", "missing.off", "-j", 1, "--json")
@@ -368,9 +360,7 @@ def test_render_views_draws_files_and_names_the_picture_of_each(
     own_folder: Path, fake_drawing: list[tuple[Any, Any]], mvtn: Mvtn
 ):
     write_shapes(own_folder, "a.off")
-    result = mvtn(
-        "render-views", "a.off", "gone.off", "-o", "out", "-j", 1, "--azimuth", "0,90", "--elevation", "30"
-    )
+    result = mvtn("render-views", "a.off", "gone.off", "-o", "out", "-j", 1, "--azimuth", "0,90", "--elevation", "30")
     assert result.code == 1
     assert result.out == f"{own_folder}/a.off\tout/a.png\n"
     _, config = fake_drawing[0]

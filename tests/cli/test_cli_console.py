@@ -25,9 +25,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def make(
-    mode: str = "text", terminal: bool = False, quiet: bool = False
-) -> tuple[Console, io.StringIO, io.StringIO]:
+def make(mode: str = "text", terminal: bool = False, quiet: bool = False) -> tuple[Console, io.StringIO, io.StringIO]:
     out, err = io.StringIO(), Terminal() if terminal else io.StringIO()
     return Console(out, err, mode=mode, quiet=quiet), out, err  # type: ignore[arg-type]
 

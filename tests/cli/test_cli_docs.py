@@ -41,20 +41,12 @@ def test_every_example_uses_options_that_there_are(example: str):
     for part in re.findall(r"(?<!\w)mvtn ([^|&]+)", example):
         command, *words = shlex.split(part.replace(">", " "))
         assert command in COMMANDS
-        known = {
-            option
-            for param in load_command(command).params
-            for option in (*param.opts, *param.secondary_opts)
-        }
+        known = {option for param in load_command(command).params for option in (*param.opts, *param.secondary_opts)}
         assert {word for word in words if word.startswith("-") and word != "-"} <= known
 
 
 def test_every_option_that_is_mentioned_exists():
     known = {"--install-completion", "--help", "--no-"}
     for command in COMMANDS:
-        known |= {
-            option
-            for param in load_command(command).params
-            for option in (*param.opts, *param.secondary_opts)
-        }
+        known |= {option for param in load_command(command).params for option in (*param.opts, *param.secondary_opts)}
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", TEXT)) <= known

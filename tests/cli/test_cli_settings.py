@@ -16,9 +16,7 @@ from mvtn_cli.config import MODELS, EvalConfig, PreprocessConfig, RenderViewsCon
 from mvtn_cli.errors import UsageError
 
 
-def train(
-    options: dict[str, Any] | None = None, file: Path | None = None
-) -> tuple[TrainOptions, dict[str, str]]:
+def train(options: dict[str, Any] | None = None, file: Path | None = None) -> tuple[TrainOptions, dict[str, str]]:
     return resolve(TrainOptions, options or {}, file, "train")
 
 
@@ -30,9 +28,7 @@ def refused(options: dict[str, Any], file: Path | None = None) -> UsageError:
 
 
 def test_option_beats_environment_beats_table_beats_top_level_beats_default(monkeypatch: pytest.MonkeyPatch):
-    Path("mvtn.toml").write_text(
-        "epochs = 1\nlr = 0.1\nseed = 1\nclip = 1\n[train]\nepochs = 2\nlr = 0.2\nseed = 2\n"
-    )
+    Path("mvtn.toml").write_text("epochs = 1\nlr = 0.1\nseed = 1\nclip = 1\n[train]\nepochs = 2\nlr = 0.2\nseed = 2\n")
     monkeypatch.setenv("MVTN_EPOCHS", "3")
     monkeypatch.setenv("MVTN_LR", "0.3")
     config, origins = train({"epochs": "4"})
@@ -98,9 +94,7 @@ def test_every_setting_is_described_and_every_number_limited():
         assert set(in_order(model)) == set(model.model_fields)
         for name, field in model.model_fields.items():
             assert field.description, name
-            assert field.annotation not in (int, float) or field.metadata, (
-                f"{model.__name__}.{name} has no limits"
-            )
+            assert field.annotation not in (int, float) or field.metadata, f"{model.__name__}.{name} has no limits"
 
 
 def test_one_name_means_one_type_everywhere():

@@ -77,25 +77,3 @@ def test_a_superellipse_fills_its_box_and_lies_on_its_equation() -> None:
     outline = m.superellipse(4, 2, 6, 32)
     assert np.abs(outline).max(0) == pytest.approx([2, 1])
     assert (np.abs(outline / [2, 1]) ** 6).sum(1) == pytest.approx(np.ones(32))
-
-
-def test_creases_split_sharp_edges_and_leave_smooth_ones() -> None:
-    box = m.split_creases(m.box(1, 1, 1))
-    assert len(box.vertices) == 24  # each corner belongs to three flat sides
-    ball = m.ball(1, 1, 1, 24)
-    assert len(m.split_creases(ball).vertices) == len(ball.vertices)
-    disc = m.split_creases(m.disc(1, 1, 24))
-    assert len(disc.vertices) == 4 * 24 + 2  # mantle and caps share no vertex
-
-
-def test_splitting_moves_every_triangle_by_less_than_anyone_sees() -> None:
-    for mesh, _ in VOLUMES.values():
-        split = m.split_creases(mesh)
-        moved = np.abs(split.vertices[split.faces] - mesh.vertices[mesh.faces]).max()
-        assert 0 < moved < 1e-5 * np.ptp(mesh.vertices)
-
-
-def test_no_two_vertices_of_a_sharp_edge_lie_in_one_place() -> None:
-    split = m.split_creases(m.disc(1, 1, 24))
-    _, counts = np.unique(split.vertices.round(6), axis=0, return_counts=True)
-    assert counts.max() == 1

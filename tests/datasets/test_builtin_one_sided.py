@@ -11,7 +11,7 @@ from mvtn_cli.core.datasets.builtin import one_sided
 from mvtn_cli.core.datasets.builtin.mesh import Mesh
 from mvtn_cli.core.datasets.builtin.one_sided import CLASSES, barrel, draw_body
 from mvtn_cli.core.datasets.builtin.shapes import shape_rng
-from mvtn_cli.core.shapes import validate, vertex_normals
+from mvtn_cli.core.shapes import split_creases, validate, vertex_normals
 
 LABELS = range(len(CLASSES))
 MANTLE = 36 * 17
@@ -89,34 +89,25 @@ def test_the_mesh_is_closed_outward_and_shaded_smoothly_with_flat_caps() -> None
     mesh = barrel(body(), 3)
     corners = mesh.vertices[mesh.faces]
     assert (corners[:, 0] * np.cross(corners[:, 1], corners[:, 2])).sum() / 6 > 0.3
-    welded = np.arange(len(mesh.vertices))
-    welded[MANTLE : MANTLE + 36] = np.arange(36) * 17  # the foot's ring is the mantle's first row
-    welded[MANTLE + 37 : MANTLE + 73] = np.arange(36) * 17 + 16
-    assert mesh.vertices[welded] == pytest.approx(mesh.vertices, abs=1e-5)
-    faces = welded[mesh.faces]
-    edges = {tuple(edge) for i in range(3) for edge in faces[:, [i, (i + 1) % 3]].tolist()}
-    assert len(edges) == 3 * len(faces)
+    edges = {tuple(edge) for i in range(3) for edge in mesh.faces[:, [i, (i + 1) % 3]].tolist()}
+    assert len(edges) == 3 * len(mesh.faces)
     assert edges == {(b, a) for a, b in edges}
 
-    normals = vertex_normals(mesh.vertices, mesh.faces)
-    plain = vertex_normals(*_parts(barrel(replace(body(), amplitude=0.0), 3)))[:MANTLE].reshape(36, 17, 3)
-    bend = np.degrees(np.arccos(np.clip((plain * np.roll(plain, -1, axis=0)).sum(-1), -1, 1)))
-    assert bend.max() < 30  # columns behind are 360°·(250/360)/14 = 17.9° apart
-    foot, rim = normals[MANTLE : MANTLE + 37], normals[MANTLE + 37 :]
-    assert foot == pytest.approx(np.tile([0, -1, 0], (37, 1)), abs=1e-6)
-    assert rim == pytest.approx(np.tile(rim[0], (37, 1)), abs=1e-6)
-    assert rim[0][2] > 0.1  # the slanted top looks up and forward
-
-
-def _parts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    return mesh.vertices, mesh.faces
+    plain = barrel(replace(body(), amplitude=0.0), 3)
+    origin, faces = split_creases(plain.vertices, plain.faces)
+    assert len(origin) == len(plain.vertices) + 2 * 36  # both rims are creases, nothing else is
+    normals = vertex_normals(plain.vertices[origin], faces)
+    foot, rim = normals[faces[-72:-36]], normals[faces[-36:]]
+    assert foot == pytest.approx(np.tile([0, -1, 0], (36, 3, 1)), abs=1e-6)
+    assert rim == pytest.approx(np.tile(rim[0, 0], (36, 3, 1)), abs=1e-6)
+    assert rim[0, 0, 2] > 0.1  # the slanted top looks up and forward
 
 
 def test_shapes_are_valid_deterministic_and_take_turns_in_class() -> None:
     built = [one_sided.build(index, seed=1, split="test") for index in range(12)]
     assert [label for _, label in built] == [*LABELS, *LABELS]
     for index, (shape, _) in enumerate(built):
-        assert validate(shape)[1] == []  # so the caps stay apart from the mantle
+        assert validate(shape)[1] == []
         assert np.array_equal(shape.vertices, one_sided.build(index, seed=1, split="test")[0].vertices)
         assert not np.allclose(shape.vertices, one_sided.build(index, seed=1, split="train")[0].vertices)
         assert not np.allclose(shape.vertices, one_sided.build(index, seed=2, split="test")[0].vertices)

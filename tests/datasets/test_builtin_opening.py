@@ -53,9 +53,7 @@ def test_items_survive_the_way_to_another_process(name: str) -> None:
 def test_content_tells_shapes_seeds_splits_and_generator_versions_apart(
     name: str, module: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    items = [
-        item for seed in (0, 1) for item in open_builtin(f"builtin:{name}?train=12&test=12&seed={seed}").items
-    ]
+    items = [item for seed in (0, 1) for item in open_builtin(f"builtin:{name}?train=12&test=12&seed={seed}").items]
     before = [item.content() for item in items]
     assert len(set(before)) == len(items)
     monkeypatch.setattr(module, "VERSION", 99)

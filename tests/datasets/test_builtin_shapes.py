@@ -32,11 +32,9 @@ def test_every_shape_is_a_light_and_faultless_mesh(name: str, samples: dict[str,
         assert np.isfinite(shape.vertices).all()
         assert set(np.unique(shape.faces)) == set(range(len(shape.vertices)))
         corners = shape.vertices[shape.faces]
-        doubled_area = np.linalg.norm(
-            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-        )
+        doubled_area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         assert doubled_area.min() > 1e-9 * doubled_area.max()
-        assert validate(shape)[1] == []  # so creases survive preprocessing
+        assert validate(shape)[1] == []
         assert shape.colors is None
 
 

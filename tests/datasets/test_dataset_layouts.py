@@ -24,10 +24,7 @@ def tree(root: Path, *names: str) -> Path:
 
 
 def listed(dataset: Dataset) -> dict[str, tuple[str, str]]:
-    return {
-        item.name: (dataset.classes[item.label] if item.label >= 0 else "", item.split)
-        for item in dataset.items
-    }
+    return {item.name: (dataset.classes[item.label] if item.label >= 0 else "", item.split) for item in dataset.items}
 
 
 def up_of(dataset: Dataset) -> str:
@@ -72,9 +69,7 @@ def test_class_file_is_split_by_the_hash_of_the_names_class_by_class(tmp_path):
         ("cat", "train"): 1,
     }
     assert "hash" in dataset.title
-    elsewhere = tree(
-        tmp_path / "again", *(f"{name}/{i:02}.off" for name in ("bee", "ant") for i in range(20))
-    )
+    elsewhere = tree(tmp_path / "again", *(f"{name}/{i:02}.off" for name in ("bee", "ant") for i in range(20)))
     again = listed(open_dataset(str(elsewhere)))
     assert again == {name: value for name, value in listed(dataset).items() if not name.startswith("cat")}
 

@@ -155,9 +155,7 @@ def test_a_damaged_release_is_refused_by_name(tmp_path):
 
 def test_the_real_point_release_has_its_official_counts(real_data):
     dataset = open_dataset(str(real_data / "modelnet40_points"))
-    rows = [
-        line.split("\t") for line in (real_data / "modelnet40_points" / "counts.tsv").read_text().splitlines()
-    ]
+    rows = [line.split("\t") for line in (real_data / "modelnet40_points" / "counts.tsv").read_text().splitlines()]
     expected = {
         (row[0], split): int(count)
         for row in rows[1:]

@@ -26,9 +26,7 @@ def test_nearest_view_finds_the_neighbour_on_the_sphere():
 
 def test_fixed_views_have_no_spread_and_have_not_moved():
     azimuth, elevation = (np.tile(x, (5, 1)) for x in layouts("spherical", 6))
-    found = view_statistics(
-        [0, 0, 1, 1, 1], azimuth + 360, elevation, ["a", "b", "c"], layouts("spherical", 6)
-    )
+    found = view_statistics([0, 0, 1, 1, 1], azimuth + 360, elevation, ["a", "b", "c"], layouts("spherical", 6))
     assert found["spread_deg"] == pytest.approx(0, abs=1e-5)
     assert found["moved_deg"] == pytest.approx(0, abs=1e-5)
     assert found["coincident_share"] == 0
@@ -48,9 +46,7 @@ def test_the_mean_azimuth_of_a_class_does_not_break_at_the_seam():
     azimuth = np.array([[170.0], [-170.0], [350.0], [10.0]])
     found = view_statistics([0, 0, 1, 1], azimuth, np.full((4, 1), 12.0), ["back", "front"])
     back, front = (row["views"][0] for row in found["per_class"])
-    assert abs(back["azimuth_deg"]) == pytest.approx(180) and front["azimuth_deg"] == pytest.approx(
-        0, abs=1e-6
-    )
+    assert abs(back["azimuth_deg"]) == pytest.approx(180) and front["azimuth_deg"] == pytest.approx(0, abs=1e-6)
     assert back["azimuth_resultant"] == pytest.approx(np.cos(np.radians(10)))
     assert back["elevation_deg"] == pytest.approx(12)
     assert np.isnan(found["nearest_view_deg"])

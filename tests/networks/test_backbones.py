@@ -210,9 +210,7 @@ def test_files_of_older_torchvision_load(name):
     """DenseNets' names had other dots; MNASNet asks for a version that a plain dict doesn't carry."""
     body, _, _ = torchvision_body(name)
     old = {
-        key.replace(".norm1.", ".norm.1.").replace(".conv2.", ".conv.2.")
-        if "denselayer" in key
-        else key: value + 1
+        key.replace(".norm1.", ".norm.1.").replace(".conv2.", ".conv.2.") if "denselayer" in key else key: value + 1
         for key, value in body.state_dict().items()
         if not key.endswith("num_batches_tracked")
     }

@@ -105,9 +105,7 @@ def test_exploration_and_point_subset_are_for_training_alone(calls, batch):
 
 def test_encoder_sees_other_points_in_each_step_of_training(batch):
     model = build_recogniser(config(views="learned-direct"), CLASSES).train()
-    one, other = (
-        model.choose_cameras(batch, generator=torch.Generator().manual_seed(s)).azimuth_deg for s in (1, 2)
-    )
+    one, other = (model.choose_cameras(batch, generator=torch.Generator().manual_seed(s)).azimuth_deg for s in (1, 2))
     assert not torch.equal(one, other)
 
 

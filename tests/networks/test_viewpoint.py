@@ -85,9 +85,7 @@ def test_start_angles_reach_the_offsets(training):
     offsets = []
     for chooser in (one, other):
         cameras = chooser.train(training)(some_points())
-        offsets.append(
-            torch.stack([cameras.azimuth_deg, cameras.elevation_deg]) - torch.stack(chooser.start)[:, None]
-        )
+        offsets.append(torch.stack([cameras.azimuth_deg, cameras.elevation_deg]) - torch.stack(chooser.start)[:, None])
     assert (offsets[0] - offsets[1]).abs().min() > 1e-3
 
 
@@ -111,9 +109,7 @@ def test_several_direct_views_start_near_the_layout(angles, num_views):
 
 
 def test_a_single_direct_view_starts_as_its_random_weights_say():
-    starts = [
-        selector("learned-direct", 1, seed=seed)(some_points()).azimuth_deg.detach() for seed in range(8)
-    ]
+    starts = [selector("learned-direct", 1, seed=seed)(some_points()).azimuth_deg.detach() for seed in range(8)]
     assert np.std([float(start.mean()) for start in starts]) > 30
 
 
@@ -181,9 +177,7 @@ def test_all_draws_come_from_the_generator(views):
 def test_fixed_views_stay_and_have_nothing_to_learn():
     chooser = selector("fixed", layout="circular", elevation=10, azimuth=5, num_views=3).train()
     cameras = chooser(some_points(), explore_deg=45.0, generator=generator())
-    assert cameras.azimuth_deg[2].tolist() == [5, 125, 245] and cameras.elevation_deg.unique().tolist() == [
-        10
-    ]
+    assert cameras.azimuth_deg[2].tolist() == [5, 125, 245] and cameras.elevation_deg.unique().tolist() == [10]
     assert not list(chooser.parameters()) and not chooser.learned
     assert math.isnan(chooser.saturation())
 
@@ -222,9 +216,7 @@ def test_t31_saturated_angles_are_counted(views, angles):
     assert chooser.saturation() == 1.0
 
 
-@pytest.mark.parametrize(
-    ("views", "angles"), [*((views, "periodic") for views in LEARNED), ("learned-direct", "tanh")]
-)
+@pytest.mark.parametrize(("views", "angles"), [*((views, "periodic") for views in LEARNED), ("learned-direct", "tanh")])
 @pytest.mark.parametrize("scale", [0.0, 1e-20, 1.0, 1e6, 1e18])
 def test_gradient_is_finite_for_extreme_points_and_weights(views, angles, scale):
     for weights in (0.0, 1.0, 1e3):

@@ -79,9 +79,7 @@ def test_a_second_run_reads_nothing_and_says_so(tmp_path, monkeypatch):
     err = io.StringIO()
     monkeypatch.setattr("mvtn_cli.core.store.Store.read_with_notes", forbidden)
     monkeypatch.setattr("mvtn_cli.core.store.Store.read_index", _read_index)
-    second, again = preprocess(
-        open_dataset(str(tmp_path / "set")), config, Console(out=io.StringIO(), err=err)
-    )
+    second, again = preprocess(open_dataset(str(tmp_path / "set")), config, Console(out=io.StringIO(), err=err))
     assert "nothing to do: 6 shapes are up to date" in err.getvalue()
     assert counts(again) == counts(summary) | {"reused": 6}
     assert repr(second.records) == repr(first.records)  # NaN is not equal to NaN
@@ -158,9 +156,7 @@ def test_only_a_changed_file_is_made_again(tmp_path):
     changed.write_text(TETRAHEDRON.format(height=50))
     after, summary = prepare(open_dataset(str(root)), SETTINGS, store, QUIET, workers=1)
     assert summary.made == 1
-    different = [
-        one.name for one, other in zip(before.records, after.records, strict=True) if repr(one) != repr(other)
-    ]
+    different = [one.name for one, other in zip(before.records, after.records, strict=True) if repr(one) != repr(other)]
     assert different == ["ant/0"]
     assert after.address != before.address
     os.utime(changed)  # a new time, the same bytes

@@ -32,9 +32,7 @@ def assert_sound(prepared: Prepared, points: int) -> None:
 
 
 def test_real_meshes_are_all_kept(tmp_path, real_data):
-    paths = sorted((real_data / "meshes24").rglob("*.off"), key=lambda path: path.stat().st_size)[
-        :: 576 // FEW
-    ]
+    paths = sorted((real_data / "meshes24").rglob("*.off"), key=lambda path: path.stat().st_size)[:: 576 // FEW]
     paths.append(real_data / "meshes24" / "Quadruped" / "train" / "m94.off")  # an extent of 4.6e8
     dataset = unlabelled(paths)
     settings = Settings(max_vertices=3000, num_points=256, seed=0)
@@ -76,8 +74,6 @@ def test_rows_of_the_point_release_are_kept_as_points(tmp_path, real_data):
         original = dataset.items[0].read().points
         shape = prepared.load(0)
         back = Counter(map(tuple, np.round((shape.points * shape.radius + shape.center) * 2048).astype(int)))
-        assert set(back) <= set(
-            map(tuple, np.round(original * 2048).astype(int))
-        )  # its own points, none made up
+        assert set(back) <= set(map(tuple, np.round(original * 2048).astype(int)))  # its own points, none made up
         assert len(back) >= min(count, 1000)
         assert not shape.has_mesh

@@ -46,9 +46,7 @@ class Content:
         return f"toy {self.number}".encode()
 
 
-def toys(
-    count: int, log: Path | str, *, delay_s: float = 0.0, read: Callable[..., Callable[[], Shape]] = ReadBox
-):
+def toys(count: int, log: Path | str, *, delay_s: float = 0.0, read: Callable[..., Callable[[], Shape]] = ReadBox):
     """Return a data set of `count` tetrahedra, every fourth a test shape."""
     items = tuple(
         Item(
@@ -71,7 +69,4 @@ def reads(log: Path) -> int:
 
 def tree_bytes(root: Path) -> dict[str, bytes]:
     """Return every stored shape below `root` by its path; unfinished temporary files are none."""
-    return {
-        str(path.relative_to(root)): path.read_bytes()
-        for path in sorted((root / "shapes").rglob("[!.]*.npz"))
-    }
+    return {str(path.relative_to(root)): path.read_bytes() for path in sorted((root / "shapes").rglob("[!.]*.npz"))}

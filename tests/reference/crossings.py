@@ -60,9 +60,7 @@ def inverse_depth(corners: np.ndarray, ray: np.ndarray) -> float:
     return (normal @ ray) / (normal @ corners[0])
 
 
-def meetings(
-    camera: np.ndarray, faces: np.ndarray, hit: np.ndarray, ray: np.ndarray, step: np.ndarray
-) -> list[float]:
+def meetings(camera: np.ndarray, faces: np.ndarray, hit: np.ndarray, ray: np.ndarray, step: np.ndarray) -> list[float]:
     """Return where on the way two of the faces that are hit are equally near."""
     ends = [[inverse_depth(camera[faces[n]], at) for at in (ray, ray + step)] for n in hit]
     found = []

@@ -16,9 +16,7 @@ from reference.scenes import FOV, batch_of
 
 def cameras(*views: tuple[float, float, float], count: int = 1, grad: bool = False) -> Cameras:
     """Return the same (azimuth, elevation, distance) views for each of `count` shapes."""
-    columns = [
-        torch.tensor(column, dtype=torch.float32).repeat(count, 1) for column in zip(*views, strict=True)
-    ]
+    columns = [torch.tensor(column, dtype=torch.float32).repeat(count, 1) for column in zip(*views, strict=True)]
     return Cameras(*(column.requires_grad_(grad) for column in columns), fov_deg=FOV)
 
 

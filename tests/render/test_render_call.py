@@ -59,9 +59,7 @@ def test_a_picture_has_the_same_bytes_in_any_company(kind, headlight, mode):
     for place, b in enumerate(order):
         assert shuffled[place] == together[b][::-1]
     for b in range(4):
-        alone = bytes_of(
-            [shapes[b]], None if headlight else lights[b : b + 1], kind=kind, views=VIEWS[1:2], mode=mode
-        )
+        alone = bytes_of([shapes[b]], None if headlight else lights[b : b + 1], kind=kind, views=VIEWS[1:2], mode=mode)
         assert alone[0][0] == together[b][1]
 
 

@@ -51,9 +51,7 @@ def test_colours_of_random_soups_equal_the_twin(seed, material, light, shading):
 def test_colours_of_stiff_shapes_equal_the_twin(name, shading):
     """T5 to T8, T14, T15; needles a hundred times as long as wide have a normal all the same."""
     for view in ((33.0, 21.0, 1.0), (5.0, 0.0, 2.2), (200.0, -75.0, 0.3)):
-        assert_like_the_twin(
-            STIFF[name], view, scenes.look(15, shading=shading, light_direction=SIDE_LIGHT, **PAPER)
-        )
+        assert_like_the_twin(STIFF[name], view, scenes.look(15, shading=shading, light_direction=SIDE_LIGHT, **PAPER))
 
 
 @settings(max_examples=30, deadline=None)
@@ -67,17 +65,11 @@ def test_colours_of_stiff_shapes_equal_the_twin(name, shading):
     smooth=st.booleans(),
     headlight=st.booleans(),
 )
-def test_any_soup_has_the_colours_of_the_twin(
-    seed, faces, edge, azimuth, elevation, distance, smooth, headlight
-):
+def test_any_soup_has_the_colours_of_the_twin(seed, faces, edge, azimuth, elevation, distance, smooth, headlight):
     light = np.random.default_rng(seed).standard_normal((1, 3))
     light = (light / np.linalg.norm(light)).astype(np.float32)
-    look = scenes.look(
-        8, shading="smooth" if smooth else "flat", light_direction=None if headlight else light, **PAPER
-    )
-    assert_like_the_twin(
-        scenes.soup(faces, seed, edge=edge, colored=True), (azimuth, elevation, distance), look
-    )
+    look = scenes.look(8, shading="smooth" if smooth else "flat", light_direction=None if headlight else light, **PAPER)
+    assert_like_the_twin(scenes.soup(faces, seed, edge=edge, colored=True), (azimuth, elevation, distance), look)
 
 
 def test_a_red_mesh_is_red():

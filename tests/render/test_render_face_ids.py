@@ -64,9 +64,7 @@ def test_cameras_stand_where_a_generic_look_at_puts_them(azimuth, elevation, dis
     """T3, through the renderer."""
     shape, size = scenes.soup(30, 11), 24
     drawn = geometry(shape, cameras((azimuth, elevation, distance)), size).face_ids[0, 0]
-    twin = rasterise(
-        shape.vertices, shape.faces, orbit(azimuth, elevation, distance), scenes.focal(size), size
-    )
+    twin = rasterise(shape.vertices, shape.faces, orbit(azimuth, elevation, distance), scenes.focal(size), size)
     np.testing.assert_array_equal(drawn, twin.ids)
 
 
@@ -104,9 +102,7 @@ def test_triangles_with_edges_through_sample_centres_cover_each_sample_of_their_
     np.testing.assert_array_equal(alone(flat, (0, 0, distance), size).sum(axis=0), expected)
 
 
-@pytest.mark.parametrize(
-    "view", [(0.0, 0.0, 2.2), (45.0, 0.0, 2.2), (17.0, 40.0, 1.8), (90.0, 90.0, 2.2)], ids=str
-)
+@pytest.mark.parametrize("view", [(0.0, 0.0, 2.2), (45.0, 0.0, 2.2), (17.0, 40.0, 1.8), (90.0, 90.0, 2.2)], ids=str)
 @pytest.mark.parametrize("make", [scenes.icosahedron, scenes.box, lambda: scenes.bumpy(5)])
 def test_a_closed_surface_has_as_many_fronts_as_backs_over_each_sample(make, view):
     """T9 in perspective: a sample that two neighbours both take, or both leave, breaks the balance."""
@@ -167,9 +163,7 @@ def test_units_and_place_do_not_matter_once_a_shape_is_normalised(scale, shift):
     middle = (moved.max(axis=0) + moved.min(axis=0)) / 2
     shapes = []
     for vertices in (moved, shape.vertices.astype(np.float64)):
-        centred = vertices - (
-            middle if vertices is moved else (vertices.max(axis=0) + vertices.min(axis=0)) / 2
-        )
+        centred = vertices - (middle if vertices is moved else (vertices.max(axis=0) + vertices.min(axis=0)) / 2)
         shapes.append(scenes.stored(centred / np.linalg.norm(centred, axis=1).max(), shape.faces))
     there, here = (geometry(s, cameras((31, 17, 2.2)), 48) for s in shapes)
     assert (there.face_ids == here.face_ids).mean() > 0.999  # a corner may round to another 1/256 of a sample
@@ -185,6 +179,4 @@ def test_a_vertex_that_is_not_a_number_takes_only_its_own_faces_away():
     left = scenes.stored(whole.vertices, whole.faces[~(whole.faces == 7).any(axis=1)], normals=whole.normals)
     numbers = np.flatnonzero(~(whole.faces == 7).any(axis=1))
     expected = geometry(left, view, 24).face_ids
-    np.testing.assert_array_equal(
-        geometry(broken, view, 24).face_ids, np.where(expected < 0, -1, numbers[expected])
-    )
+    np.testing.assert_array_equal(geometry(broken, view, 24).face_ids, np.where(expected < 0, -1, numbers[expected]))

@@ -93,14 +93,10 @@ def area(shape, view, size):
 @pytest.mark.parametrize("view", [(0.0, 0.0, 2.2), (30.0, 0.0, 2.0), (-50.0, 35.0, 1.8)], ids=str)
 def test_area_of_a_polygon_changes_as_on_paper(view, mode):
     """Ambient light, weights one: the sum is the area, whose change follows from the corners alone."""
-    flat = scenes.stored(
-        [[-0.5, -0.4, 0], [0.5, -0.5, 0], [0.45, 0.5, 0], [-0.5, 0.3, 0]], [[0, 1, 2], [0, 2, 3]]
-    )
+    flat = scenes.stored([[-0.5, -0.4, 0], [0.5, -0.5, 0], [0.45, 0.5, 0], [-0.5, 0.3, 0]], [[0, 1, 2], [0, 2, 3]])
     size = 40
     look = scenes.look(size, supersample=4, ambient=1.0, diffuse=0.0)
-    got = gradients(
-        flat, cameras(view), look, np.ones((1, 3, size, size)) / 3, gradient=mode, fd_step_deg=1.0
-    )[0]
+    got = gradients(flat, cameras(view), look, np.ones((1, 3, size, size)) / 3, gradient=mode, fd_step_deg=1.0)[0]
     step = 1 / 128
     for axis in range(3):
         ends = []
@@ -110,9 +106,7 @@ def test_area_of_a_polygon_changes_as_on_paper(view, mode):
             ends.append(area(flat, tuple(moved), size))
         expected = (ends[0] - ends[1]) / (2 * step)
         perimeter_share = 0.02 * 4 * math.sqrt(area(flat, view, size)) * (1 if axis == 2 else math.radians(1))
-        assert got[axis] == pytest.approx(
-            expected, rel=0.02, abs=perimeter_share * scenes.focal(size) / 2.2 / 4
-        )
+        assert got[axis] == pytest.approx(expected, rel=0.02, abs=perimeter_share * scenes.focal(size) / 2.2 / 4)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -128,9 +122,7 @@ def test_inside_a_box_all_change_is_shading_and_its_gradient_is_right_too(mode):
     """T4: nothing but walls, lit by the camera, with a highlight."""
     look = scenes.look(32, ambient=0.5, diffuse=0.3, specular=0.2, shininess=8.0, falloff=1.0)
     views, weights = cameras((20, 10, 0.3), (130, -35, 0.3), (250, 60, 0.3)), smooth_weights(3, 32)
-    truth = gradients(
-        scenes.box(), views, replace(look, supersample=8), weights, gradient="fd", fd_step_deg=0.1
-    )
+    truth = gradients(scenes.box(), views, replace(look, supersample=8), weights, gradient="fd", fd_step_deg=0.1)
     got = gradients(scenes.box(), views, replace(look, supersample=2), weights, gradient=mode)
     assert (image(scenes.box(), views, look) > 0.4).all()
     assert cosine(got[:, :2], truth[:, :2]) > 0.97
@@ -139,9 +131,7 @@ def test_inside_a_box_all_change_is_shading_and_its_gradient_is_right_too(mode):
 @pytest.mark.parametrize("mode", MODES)
 def test_a_view_that_sees_nothing_has_no_gradient(mode):
     behind = STIFF["behind the camera"]
-    assert (
-        gradients(behind, cameras((0, 0, 2.2)), scenes.look(16), smooth_weights(1, 16), gradient=mode) == 0
-    ).all()
+    assert (gradients(behind, cameras((0, 0, 2.2)), scenes.look(16), smooth_weights(1, 16), gradient=mode) == 0).all()
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -174,9 +164,7 @@ def test_gradient_of_any_soup_is_finite(seed, faces, edge, azimuth, elevation, d
         assert np.isfinite(gradients(shape, views, look, smooth_weights(1, size), gradient=mode)).all()
 
 
-@pytest.mark.xfail(
-    strict=True, reason="edges.set_crossing: the slope is infinite as float32, and 0 * inf is NaN"
-)
+@pytest.mark.xfail(strict=True, reason="edges.set_crossing: the slope is infinite as float32, and 0 * inf is NaN")
 def test_gradient_is_finite_where_an_edge_is_level_to_the_last_bit():
     """T15. Seen along the middle row, an edge that rises by 1e-40 has a slope that no float32 holds."""
     shape = scenes.stored([[-0.8, 1e-40, 0], [0.8, -1e-43, 0], [0, -0.7, 0]], [[0, 1, 2]])
@@ -212,9 +200,7 @@ def test_only_the_cameras_that_want_a_gradient_get_one(mode):
     weights = torch.as_tensor(smooth_weights(1, 16))[None]
     (rgb * weights).sum().backward()
     alone = azimuth.grad.clone()
-    every = gradients(
-        scenes.chair(), cameras((20, 10, 2.2)), scenes.look(16), weights[0].numpy(), gradient=mode
-    )
+    every = gradients(scenes.chair(), cameras((20, 10, 2.2)), scenes.look(16), weights[0].numpy(), gradient=mode)
     assert alone.item() == pytest.approx(every[0, 0], rel=1e-6) and alone.item() != 0
     assert elevation.grad is None and distance.grad is None
 

@@ -68,9 +68,7 @@ def test_edges_inside_one_surface_are_no_jumps(name):
 def intersections(name):
     """Return how far the found jumps are from the lines where surfaces meet, in samples."""
     pairs = [(true[0], found) for true, found, *_ in jumps_of(name) if len(true) == 1]
-    return np.array(
-        [abs(found[0][0] - true.share) for true, found in pairs if found and true.depth_step < 1e-6]
-    )
+    return np.array([abs(found[0][0] - true.share) for true, found in pairs if found and true.depth_step < 1e-6])
 
 
 def test_surfaces_that_meet_have_a_jump_where_they_meet():
@@ -79,9 +77,7 @@ def test_surfaces_that_meet_have_a_jump_where_they_meet():
     assert len(off) > 15 and (off < 1e-5).mean() > 0.9
 
 
-@pytest.mark.xfail(
-    strict=True, reason="edges.find_jump takes a hidden end for the silhouette: up to 0.7 sample off"
-)
+@pytest.mark.xfail(strict=True, reason="edges.find_jump takes a hidden end for the silhouette: up to 0.7 sample off")
 def test_surfaces_that_meet_near_an_end_of_one_have_a_jump_where_they_meet():
     """T14. One of the two ends behind the other within the same step: what is seen to end is not that end."""
     for name in ("chair", "soup"):
@@ -132,13 +128,9 @@ def test_more_samples_and_antialiasing_both_bring_the_picture_nearer_to_the_trut
 
 def test_the_area_of_a_square_is_right_to_a_hundredth_of_a_pixel_a_side():
     """Ambient light alone: the sum of the image is the area that is covered."""
-    square = scenes.stored(
-        [[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]], [[0, 1, 2], [0, 2, 3]]
-    )
+    square = scenes.stored([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]], [[0, 1, 2], [0, 2, 3]])
     for distance in np.linspace(1.5, 2.5, 9):
         look = scenes.look(40, ambient=1.0, diffuse=0.0)
         side = scenes.focal(40) / np.float32(distance)
         total = image(square, cameras((0, 0, float(distance))), look)[0, 0].sum()
-        assert total == pytest.approx(
-            side**2, abs=1.0
-        )  # the four corners are cut, at most a quarter of a pixel each
+        assert total == pytest.approx(side**2, abs=1.0)  # the four corners are cut, at most a quarter of a pixel each

@@ -20,16 +20,13 @@ def ball(size: int, azimuth_deg: float, elevation_deg: float, radius: float) -> 
     y, x = np.mgrid[-1.1 : 1.1 : size * 1j, -1.1 : 1.1 : size * 1j]
     z = np.sqrt(np.maximum(radius**2 - x**2 - y**2, 0))
     spot = np.exp(
-        -((x - np.sin(np.radians(azimuth_deg)) / 2) ** 2 + (y + np.sin(np.radians(elevation_deg)) / 2) ** 2)
-        * 8
+        -((x - np.sin(np.radians(azimuth_deg)) / 2) ** 2 + (y + np.sin(np.radians(elevation_deg)) / 2) ** 2) * 8
     )
     shade = np.where(z > 0, 40 + 190 * z / radius - 90 * spot, 0)
     return np.repeat(shade[None].clip(0, 255).astype(np.uint8), 3, axis=0)
 
 
-def predictions(
-    classes: list[str], per_class: int, num_views: int, known: bool, learned: bool, skill: float
-) -> Any:
+def predictions(classes: list[str], per_class: int, num_views: int, known: bool, learned: bool, skill: float) -> Any:
     random = np.random.default_rng(7)
     labels = np.repeat(np.arange(len(classes)), per_class)
     count = len(labels)
@@ -58,10 +55,7 @@ def pictures(found: Any, rows: list[int], size: int) -> np.ndarray:
     return np.stack(
         [
             np.stack(
-                [
-                    ball(size, found.azimuth_deg[i, v], found.elevation_deg[i, v], 0.6 + 0.03 * (i % 10))
-                    for v in views
-                ]
+                [ball(size, found.azimuth_deg[i, v], found.elevation_deg[i, v], 0.6 + 0.03 * (i % 10)) for v in views]
             )
             for i in rows
         ]
@@ -92,9 +86,7 @@ def make_run(
     }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "config.toml").write_text(tomli_w.dumps(config))
-    write_json(
-        folder / "run.json", {"name": folder.name, "classes": classes, "select": "val", "state": "finished"}
-    )
+    write_json(folder / "run.json", {"name": folder.name, "classes": classes, "select": "val", "state": "finished"})
     (folder / "metrics.jsonl").write_text(
         "".join(json.dumps(epoch(i, epochs, known, learned)) + "\n" for i in range(epochs))
     )

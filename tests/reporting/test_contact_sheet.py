@@ -36,9 +36,7 @@ def test_every_picture_stands_in_its_row_and_column():
 
 def test_titles_and_captions_take_room_and_are_drawn():
     plain = opened(contact_sheet(colored(1, 1)))
-    worded = opened(
-        contact_sheet(colored(1, 1), ["row"], ["column"], captions=[["12° / −3°"]], title="Title")
-    )
+    worded = opened(contact_sheet(colored(1, 1), ["row"], ["column"], captions=[["12° / −3°"]], title="Title"))
     assert worded.shape[0] > plain.shape[0] + 30 and worded.shape[1] > plain.shape[1] + 15
     assert (worded[:14] == plain[0, 0]).all(), "nothing is drawn outside the margin"
 

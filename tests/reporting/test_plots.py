@@ -17,9 +17,7 @@ def parse(svg: str) -> ET.Element:
 ALL = {
     "curves": lambda: plots.curves([("training", [2, 1, 0.5]), ("validation", [2, None, 0.7])], label="loss"),
     "one epoch": lambda: plots.curves([("validation", [0.4])], label="accuracy", percent=True, best_epoch=0),
-    "reference": lambda: plots.curves(
-        [("validation", [80.0, 9.0])], label="error", reference=(90.0, "blind")
-    ),
+    "reference": lambda: plots.curves([("validation", [80.0, 9.0])], label="error", reference=(90.0, "blind")),
     "nothing known": lambda: plots.curves([("validation", [None, float("nan")])], label="loss", best_epoch=1),
     "histogram": lambda: plots.azimuth_histogram([0.0, -10.0, np.nan, 179.0], [90.0, 91.0, 0.0, 0.0]),
     "sphere": lambda: plots.sphere_map(np.zeros((3, 2)), np.full((3, 2), 100.0), ([0, 90], [0, 90])),

@@ -100,9 +100,7 @@ def test_fixed_views_are_shown_once_and_learned_ones_before_and_after(tmp_path):
     fixed, text = report(tmp_path / "fixed", learned=False, skill=50.0)
     assert "before and after" not in text and "the same for every shape" in text
     learned, _ = report(tmp_path / "learned", skill=50.0)
-    pictures = [
-        sum(tag == "img" and name == "src" for tag, name, _ in p.attributes) for p in (fixed, learned)
-    ]
+    pictures = [sum(tag == "img" and name == "src" for tag, name, _ in p.attributes) for p in (fixed, learned)]
     assert pictures == [8 * 6, 2 * 8 * 6]
 
 

@@ -145,9 +145,7 @@ def test_a_sphere_has_radial_normals() -> None:
 def test_reversed_copies_of_all_faces_change_nothing() -> None:
     shape = bumpy()
     doubled = np.concatenate([shape.faces, shape.faces[:, ::-1], shape.faces])
-    assert np.array_equal(
-        vertex_normals(shape.vertices, doubled), vertex_normals(shape.vertices, shape.faces)
-    )
+    assert np.array_equal(vertex_normals(shape.vertices, doubled), vertex_normals(shape.vertices, shape.faces))
 
 
 def test_where_opposite_faces_cancel_the_first_one_decides() -> None:
@@ -186,9 +184,7 @@ def test_distance_equals_that_to_all_triangles() -> None:
     body = trimesh.creation.annulus(r_min=0.3, r_max=1, height=0.4)
     points = np.random.default_rng(0).normal(size=(300, 3))
     distance = distance_to_mesh(points, np.array(body.vertices), np.array(body.faces, np.int32))
-    nearest = [
-        trimesh.triangles.closest_point(body.triangles, np.tile(p, (len(body.faces), 1))) - p for p in points
-    ]
+    nearest = [trimesh.triangles.closest_point(body.triangles, np.tile(p, (len(body.faces), 1))) - p for p in points]
     exact = np.linalg.norm(nearest, axis=2).min(axis=1)
     assert (distance >= exact - 1e-12).all()
     assert np.allclose(distance, exact, atol=1e-3)

@@ -25,9 +25,7 @@ def ply(folder: Path, order: str, polygons: list[list[int]], colors: bool = True
         properties += "property uchar red\nproperty uchar green\nproperty uchar blue\n"
     header = f"ply\nformat {order} 1.0\ncomment made here \nelement junk 2\nproperty list uchar short odd\n"
     header += f"element vertex {len(XYZ)}\n{properties}element face {len(polygons)}\n"
-    header += (
-        "property uchar flag\nproperty list uchar int vertex_indices\nproperty float weight\nend_header\n"
-    )
+    header += "property uchar flag\nproperty list uchar int vertex_indices\nproperty float weight\nend_header\n"
     sign = ">" if "big" in order else "<"
     body = b""
     if order == "ascii":
@@ -71,12 +69,8 @@ def test_a_ply_cut_anywhere_is_refused_and_never_read_as_something_else(tmp_path
 
 def test_a_ply_without_faces_is_a_point_cloud(tmp_path: Path) -> None:
     path = tmp_path / "cloud.ply"
-    header = (
-        "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\nproperty double z\n"
-    )
-    path.write_text(
-        header + "element face 0\nproperty list uchar int vertex_index\nend_header\n1 2 3\n4 5 6\n"
-    )
+    header = "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\nproperty double y\nproperty double z\n"
+    path.write_text(header + "element face 0\nproperty list uchar int vertex_index\nend_header\n1 2 3\n4 5 6\n")
     shape = read_shape(path)
     assert shape.is_cloud
     assert shape.points is not None
@@ -172,8 +166,6 @@ def test_a_gltf_count_that_its_buffers_cannot_hold_is_refused_before_memory_is_t
     path.write_text(json.dumps({"asset": {"version": "2.0"}, "accessors": accessors, "meshes": meshes}))
     with pytest.raises(DataError, match="declares 1000000000000 items"):
         read_shape(path)
-    path.write_text(
-        json.dumps({"asset": {"version": "2.0"}, "buffers": [{"uri": "gone.bin", "byteLength": 4}]})
-    )
+    path.write_text(json.dumps({"asset": {"version": "2.0"}, "buffers": [{"uri": "gone.bin", "byteLength": 4}]}))
     with pytest.raises(DataError, match=r"buffer 'gone.bin' is not there"):
         read_shape(path)

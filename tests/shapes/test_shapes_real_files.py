@@ -27,9 +27,7 @@ DIFFERENT = {
     "assimp__points.ply": CLOUD,
 }
 # As read; `validate` drops and counts what the manifest's reader dropped on the way.
-OTHER_TRIANGLES = {
-    "trimesh__notenoughindices.obj": (2, "the face of two corners is kept until validate counts it")
-}
+OTHER_TRIANGLES = {"trimesh__notenoughindices.obj": (2, "the face of two corners is kept until validate counts it")}
 
 
 def sound(shape: Shape) -> bool:
@@ -154,9 +152,7 @@ def test_no_mutilation_of_an_awkward_file_gets_past_as_anything_but_a_shape_or_o
     real_data: Path, tmp_path: Path
 ) -> None:
     generator = np.random.default_rng(0)
-    paths = [
-        p for p in sorted((real_data / "awkward").iterdir()) if p.stat().st_size < 4000 and p.suffix != ".tsv"
-    ]
+    paths = [p for p in sorted((real_data / "awkward").iterdir()) if p.stat().st_size < 4000 and p.suffix != ".tsv"]
     paths = [p for p in paths if p.name not in {"MANIFEST.tsv", "README.md"}]
     refused = 0
     for path in paths:

@@ -163,9 +163,7 @@ def test_colours_beyond_their_range_are_clipped_and_follow_their_vertices() -> N
     colors = np.tile(np.arange(9)[:, None] / 8, (1, 3))
     colors[3] = [2, -1, 0.5]
     shape = replace(add(box(), [[5, 5, 5]]), colors=np.roll(colors, 0).astype(np.float32))
-    shape = replace(
-        shape, vertices=np.roll(shape.vertices, 1, axis=0), faces=(shape.faces + 1).astype(np.int32)
-    )
+    shape = replace(shape, vertices=np.roll(shape.vertices, 1, axis=0), faces=(shape.faces + 1).astype(np.int32))
     mended, findings = validate(shape)
     assert [(f.name, f.count) for f in findings] == [("colors-out-of-range", 1), ("unreferenced-vertices", 1)]
     assert mended.colors is not None
@@ -180,11 +178,7 @@ floats = st.floats(width=64, allow_nan=True, allow_infinity=True)
 def test_validate_never_raises_and_what_it_passes_is_sound_and_stays_sound(data: st.DataObject) -> None:
     some = st.one_of(floats, st.sampled_from([0.0, 1.0, -1.0, 1e-300, 1e300]))
     vertices = data.draw(st.lists(st.tuples(some, some, some), max_size=8))
-    index = (
-        st.integers(-1, len(vertices))
-        if data.draw(st.booleans())
-        else st.integers(0, max(len(vertices) - 1, 0))
-    )
+    index = st.integers(-1, len(vertices)) if data.draw(st.booleans()) else st.integers(0, max(len(vertices) - 1, 0))
     shape = mesh(vertices, data.draw(st.lists(st.tuples(index, index, index), max_size=8)))
     mended, findings = validate(shape)
     if any(finding.fatal for finding in findings):

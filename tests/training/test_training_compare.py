@@ -86,9 +86,9 @@ def test_an_interrupted_comparison_goes_on(settings, boxes, quiet):
 
 def test_other_settings_begin_another_comparison_unless_it_has_a_name(settings, boxes, quiet):
     def names(**changed) -> str:
-        return compare(
-            settings(epochs=1, **changed), ["fixed", "random"], 2, boxes, quiet, evaluate=len_of_name
-        )["name"]
+        return compare(settings(epochs=1, **changed), ["fixed", "random"], 2, boxes, quiet, evaluate=len_of_name)[
+            "name"
+        ]
 
     def len_of_name(run: Run) -> float:
         return len(run.name)

@@ -150,9 +150,7 @@ def test_stopped_at_step_7_and_resumed_equals_unbroken_bit_for_bit(settings, box
     assert run.info["state"] == "interrupted" and len(run.metrics()) == 3
     assert str(run.config_path) in stopped.value.hint
     assert train(settings(**varied), boxes, quiet) == run
-    assert same(weights_of(run), weights_of(unbroken)) and same(
-        weights_of(run, "best"), weights_of(unbroken, "best")
-    )
+    assert same(weights_of(run), weights_of(unbroken)) and same(weights_of(run, "best"), weights_of(unbroken, "best"))
     assert numbers(run) == numbers(unbroken) and run.best == unbroken.best
 
 
@@ -319,9 +317,7 @@ class PlainDescent(torch.optim.SGD):
         parameters = [p for group in self.param_groups for p in group["params"]]
         before = [p.detach().clone() for p in parameters]
         super().step()
-        change = torch.stack(
-            [(p.detach() - b).norm() for p, b in zip(parameters, before, strict=True)]
-        ).norm()
+        change = torch.stack([(p.detach() - b).norm() for p, b in zip(parameters, before, strict=True)]).norm()
         self.moved = [*getattr(self, "moved", []), float(change) / self.param_groups[0]["lr"]]
 
 

@@ -38,18 +38,14 @@ def test_answers_do_not_depend_on_batch_size_order_or_repetition(views, settings
     assert np.allclose(together.azimuth_deg, singly.azimuth_deg[::-1], atol=1e-4)
     assert np.array_equal(together.logits, predict(model, boxes, indices, config, batch_size=8).logits)
     assert together.images.shape == (3, 2, 3, 16, 16) and together.images.max() > 50 and singly.images is None
-    assert model.training and all(
-        torch.equal(value, before[name]) for name, value in model.state_dict().items()
-    )
+    assert model.training and all(torch.equal(value, before[name]) for name, value in model.state_dict().items())
 
 
 def test_pictures_kept_are_those_of_the_first_shapes_over_several_batches(settings, boxes):
     config = settings(views="fixed")
     model = build_recogniser(config, 4)
     all_at_once = predict(model, boxes, range(8), config, batch_size=8, keep_images=8).images
-    assert np.array_equal(
-        predict(model, boxes, range(8), config, batch_size=2, keep_images=5).images, all_at_once[:5]
-    )
+    assert np.array_equal(predict(model, boxes, range(8), config, batch_size=2, keep_images=5).images, all_at_once[:5])
 
 
 def test_random_views_are_the_same_ones_each_time(settings, boxes):

@@ -21,9 +21,7 @@ def test_one_cycle_is_the_one_of_torch():
         reference.step()
 
 
-@pytest.mark.parametrize(
-    ("progress", "share"), [(0, 1 / 25), (0.15, 1), (0.575, 0.5), (1, 1 / 250_000), (0.075, 0.52)]
-)
+@pytest.mark.parametrize(("progress", "share"), [(0, 1 / 25), (0.15, 1), (0.575, 0.5), (1, 1 / 250_000), (0.075, 0.52)])
 def test_one_cycle_passes_through_the_values_of_its_definition(progress: float, share: float):
     assert schedules.one_cycle(progress) == pytest.approx(share, abs=1e-5)
 
@@ -54,9 +52,7 @@ def test_exploration_starts_where_the_form_of_the_views_says(
 
 
 def test_exploration_falls_in_a_line_to_zero_at_80_percent():
-    assert [schedules.explore_deg(40, p) for p in (0, 0.2, 0.4, 0.8, 0.9)] == pytest.approx(
-        [40, 30, 20, 0, 0]
-    )
+    assert [schedules.explore_deg(40, p) for p in (0, 0.2, 0.4, 0.8, 0.9)] == pytest.approx([40, 30, 20, 0, 0])
 
 
 def test_each_group_gets_its_own_peak_times_the_share_of_its_network(settings):

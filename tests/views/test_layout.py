@@ -68,9 +68,7 @@ def test_circle_starts_at_the_given_azimuth_and_a_single_view_stands_there():
         assert (azimuth.tolist(), elevation.tolist()) == ([20], [5])
 
 
-@pytest.mark.parametrize(
-    ("name", "count", "closest"), [("dodecahedral", 20, 41.8103), ("icosahedral", 12, 63.4349)]
-)
+@pytest.mark.parametrize(("name", "count", "closest"), [("dodecahedral", 20, 41.8103), ("icosahedral", 12, 63.4349)])
 def test_solids_are_regular(name, count, closest):
     azimuth, elevation = layouts(name, count)
     between = angle_between(azimuth[:, None], elevation[:, None], azimuth, elevation)

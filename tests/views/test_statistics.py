@@ -47,9 +47,7 @@ def test_wrapping_at_its_edges():
 @given(st.lists(st.floats(-40, 40), min_size=1, max_size=8), angles)
 def test_circular_mean_turns_with_the_angles_and_sees_no_seam(offsets, turn):
     base = circular_mean(offsets)
-    assert angle_between(circular_mean(np.array(offsets) + turn), 0, base + turn, 0) == pytest.approx(
-        0, abs=1e-6
-    )
+    assert angle_between(circular_mean(np.array(offsets) + turn), 0, base + turn, 0) == pytest.approx(0, abs=1e-6)
     assert circular_mean([179, -179]) == pytest.approx(-180)
 
 

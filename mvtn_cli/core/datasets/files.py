@@ -56,9 +56,7 @@ def walk(root: Path) -> list[Parts]:
     try:
         _walk(str(root), (), (os.path.realpath(root),), found)
     except OSError as error:
-        raise DataError(
-            f"can't list {root}: {error.strerror or error}", code="dataset.unreadable-folder"
-        ) from error
+        raise DataError(f"can't list {root}: {error.strerror or error}", code="dataset.unreadable-folder") from error
     return sorted(found)
 
 
@@ -122,9 +120,7 @@ def unlabelled(paths: Sequence[Path | str], *, up: str = "y", spec: str = "", wh
         UsageError: The list is empty.
     """
     if not paths:
-        raise UsageError(
-            "no file was given", hint="name at least one mesh or point file", code="dataset.no-files"
-        )
+        raise UsageError("no file was given", hint="name at least one mesh or point file", code="dataset.no-files")
     files = [str(must_exist(Path(path)).absolute()) for path in dict.fromkeys(map(str, paths))]
     common = os.path.commonpath([os.path.dirname(file) for file in files])
     names = unique_names([tuple(os.path.relpath(file, common).split(os.sep)) for file in files])
@@ -147,9 +143,7 @@ def expand_glob(pattern: str) -> list[str]:
     chosen = [path for path in matches if suffix_of(path) in SUFFIXES]
     if not chosen:
         seen = suffix_census((os.path.basename(path),) for path in matches) if matches else "0 files match"
-        raise DataError(
-            f"no readable file matches '{pattern}'", hint=f"{seen}; {can_read()}", code="dataset.no-match"
-        )
+        raise DataError(f"no readable file matches '{pattern}'", hint=f"{seen}; {can_read()}", code="dataset.no-match")
     return chosen
 
 

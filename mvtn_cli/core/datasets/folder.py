@@ -139,25 +139,17 @@ def labelled(root: Path, layout: Layout, *, up: str, spec: str, kind: str = "", 
     names = unique_names(layout.files, drop=layout.split_part)
     base = str(root.absolute())
     items = tuple(
-        file_item(
-            "/".join((base, *parts)), name=name, label=label[parts[layout.class_part]], split=split, up=up
-        )
+        file_item("/".join((base, *parts)), name=name, label=label[parts[layout.class_part]], split=split, up=up)
         for parts, name, split in zip(layout.files, names, splits, strict=True)
     )
-    return Dataset(
-        spec, _title(root, layout, Counter(splits), len(classes), up, kind, remark), classes, items
-    )
+    return Dataset(spec, _title(root, layout, Counter(splits), len(classes), up, kind, remark), classes, items)
 
 
-def _title(
-    root: Path, layout: Layout, counts: Counter[str], classes: int, up: str, kind: str, remark: str
-) -> str:
+def _title(root: Path, layout: Layout, counts: Counter[str], classes: int, up: str, kind: str, remark: str) -> str:
     shares = ", ".join(f"{counts[split]} {split}" for split in ("train", "val", "test") if counts[split])
     parts = [f"{kind or layout.pattern}, {up} up: {len(layout.files)} shapes in {classes} classes ({shares})"]
     if layout.split_part is None:
-        parts.append(
-            "no split folders, so a fifth of each class was set aside as test by the hash of its names"
-        )
+        parts.append("no split folders, so a fifth of each class was set aside as test by the hash of its names")
     if layout.outside:
         parts.append(f"{layout.outside} files outside that layout passed over")
     return "; ".join([*parts, *([remark] if remark else [])]) + f"; {root}"

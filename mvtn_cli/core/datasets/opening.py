@@ -37,9 +37,7 @@ def open_dataset(spec: str) -> Dataset:
     up = _up_axis(options)
     suffix = "?up=z" if up == "z" else ""
     if prefix is None and not os.path.exists(path_text) and re.search(r"[*?\[]", path_text):
-        return unlabelled(
-            expand_glob(path_text), up=up, spec=os.path.abspath(path_text) + suffix, where=path_text
-        )
+        return unlabelled(expand_glob(path_text), up=up, spec=os.path.abspath(path_text) + suffix, where=path_text)
     path = must_exist(Path(path_text).expanduser())
     if prefix in MODELNETS:
         return open_modelnet(prefix, path)

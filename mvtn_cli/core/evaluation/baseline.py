@@ -19,9 +19,7 @@ PAIRS = 20_000
 TREES = 500
 
 
-def d2_histogram(
-    points: ArrayLike, *, pairs: int = PAIRS, bins: int = BINS, seed: int = 0
-) -> NDArray[np.float32]:
+def d2_histogram(points: ArrayLike, *, pairs: int = PAIRS, bins: int = BINS, seed: int = 0) -> NDArray[np.float32]:
     """Histogram of the distances between random pairs of points (P, 3) in the unit ball: (bins,), sum 1.
 
     Distances run from 0 to 2. The descriptor doesn't change when the shape turns.

@@ -62,9 +62,7 @@ def metrics(labels: ArrayLike, logits: ArrayLike, classes: Sequence[str]) -> dic
         "accuracy": int(correct.sum()) / total if total else float("nan"),
         "accuracy_interval": list(wilson_interval(int(correct.sum()), total)),
         "class_accuracy": float(recalls[counts > 0].mean()) if total else float("nan"),
-        "per_class": [
-            _class_row(i, name, counts, confusion, recalls, classes) for i, name in enumerate(classes)
-        ],
+        "per_class": [_class_row(i, name, counts, confusion, recalls, classes) for i, name in enumerate(classes)],
         "confusion": confusion.tolist(),
         "top_confusions": top_confusions(confusion, classes),
     }
@@ -111,8 +109,4 @@ def top_confusions(confusion: ArrayLike, classes: Sequence[str], limit: int = 10
     np.fill_diagonal(wrong, 0)
     order = np.argsort(-wrong, axis=None, kind="stable")[:limit]
     pairs = [divmod(int(cell), len(classes)) for cell in order]
-    return [
-        {"label": classes[i], "predicted": classes[j], "count": int(wrong[i, j])}
-        for i, j in pairs
-        if wrong[i, j]
-    ]
+    return [{"label": classes[i], "predicted": classes[j], "count": int(wrong[i, j])} for i, j in pairs if wrong[i, j]]

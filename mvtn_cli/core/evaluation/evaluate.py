@@ -74,9 +74,7 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     }
     if config.baseline:
         console.note("random forest on distance histograms …")
-        document["baseline"] = histogram_forest(
-            prepared, range(config.seed, config.seed + 3), split=config.split
-        )
+        document["baseline"] = histogram_forest(prepared, range(config.seed, config.seed + 3), split=config.split)
     document |= provenance(run, prepared, config)
     folder = results_folder(run.path, config.split, config.checkpoint, config.out)
     document["mistakes"] = mistakes(found, run.classes, sources)[:SHOWN_MISTAKES]
@@ -182,9 +180,7 @@ def draw(
     )
 
 
-def save_views(
-    path: Path, found: Predictions, shown: Sequence[int], images: NDArray[np.uint8] | None
-) -> None:
+def save_views(path: Path, found: Predictions, shown: Sequence[int], images: NDArray[np.uint8] | None) -> None:
     """Keep pictures with their cameras, as `views_best.npz` of a run does; without any, an old file goes."""
     if images is None:
         path.unlink(missing_ok=True)
@@ -264,8 +260,7 @@ def provenance(run: Run, prepared: Prepared, config: EvalConfig) -> dict[str, An
 def _check_classes(run: Run, prepared: Prepared) -> None:
     if tuple(prepared.classes) != run.classes:
         raise UsageError(
-            f"run {run.name} knows the classes {_some(run.classes)}, "
-            f"and {prepared.spec} has {_some(prepared.classes)}",
+            f"run {run.name} knows the classes {_some(run.classes)}, and {prepared.spec} has {_some(prepared.classes)}",
             hint=f"evaluate it on its own data set: {run.info['dataset']}",
             code="run.other-classes",
         )

@@ -36,9 +36,7 @@ def draw_shapes(
     size = settings.image_size
     pictures = np.zeros((len(indices), azimuth.shape[1], 3, size, size), np.uint8)
     done = 0
-    for chunk in alike_batches(
-        shapes, indices, max(1, BATCH_VIEWS // max(1, azimuth.shape[1])), settings.render
-    ):
+    for chunk in alike_batches(shapes, indices, max(1, BATCH_VIEWS // max(1, azimuth.shape[1])), settings.render):
         batch, kind = load_batch(shapes, chunk, settings.render)
         rows = slice(done, done + len(chunk))
         cameras = Cameras.at(

@@ -33,9 +33,7 @@ def nearest_view_deg(azimuth_deg: ArrayLike, elevation_deg: ArrayLike) -> Array:
         return np.full((count, views), np.nan)
     nearest = np.full((count, views), np.inf)
     for other in range(1, views):  # each pairing once around, so that memory stays at N × M
-        angle = angle_between(
-            azimuth, elevation, np.roll(azimuth, other, axis=1), np.roll(elevation, other, axis=1)
-        )
+        angle = angle_between(azimuth, elevation, np.roll(azimuth, other, axis=1), np.roll(elevation, other, axis=1))
         nearest = np.minimum(nearest, angle)
     return nearest
 

@@ -121,9 +121,7 @@ class Pictures(nn.Module):
         height, width = pictures.shape[-2:]
         wanted = self.fixed_size or max(self.smallest, height), self.fixed_size or max(self.smallest, width)
         if wanted != (height, width):
-            pictures = functional.interpolate(
-                pictures, wanted, mode="bilinear", align_corners=False, antialias=True
-            )
+            pictures = functional.interpolate(pictures, wanted, mode="bilinear", align_corners=False, antialias=True)
         features: Tensor = self.body((pictures - self.mean) / self.deviation)
         return features.flatten(1)
 

@@ -70,9 +70,9 @@ class Recogniser(nn.Module):
             generator: Of everything random in this call.
         """
         cameras = self.choose_cameras(batch, explore_deg=explore_deg, generator=generator)
-        images = render(
-            batch, cameras, look, gradient=self.config.gradient, fd_step_deg=self.config.fd_step
-        ).rgb.to(self.device)
+        images = render(batch, cameras, look, gradient=self.config.gradient, fd_step_deg=self.config.fd_step).rgb.to(
+            self.device
+        )
         logits, descriptor = self.network(images)
         return Output(logits, descriptor, cameras, images)
 
@@ -130,9 +130,7 @@ def build_recogniser(config: TrainConfig, num_classes: int, *, read_weights: boo
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         backbone, dimension = build_backbone(config.backbone, config.weights, read=read_weights)
-        network = MVCNN(
-            backbone, dimension, num_classes, pool=config.pool, freeze_backbone=config.freeze_backbone
-        )
+        network = MVCNN(backbone, dimension, num_classes, pool=config.pool, freeze_backbone=config.freeze_backbone)
         torch.manual_seed(config.seed + 1)
         selector = make_selector(config)
     return Recogniser(selector, network, config)

@@ -252,9 +252,7 @@ class SafeAngle(torch.autograd.Function):
 def make_selector(config: TrainConfig) -> ViewSelector:
     """The selector of `config.views`; learned ones start from torch's generator."""
     name = config.views
-    layout = (
-        name.removeprefix("learned-") if name in ("learned-circular", "learned-spherical") else config.layout
-    )
+    layout = name.removeprefix("learned-") if name in ("learned-circular", "learned-spherical") else config.layout
     azimuth, elevation = layouts(layout, config.num_views, config.elevation, config.azimuth)
     start = torch.from_numpy(azimuth), torch.from_numpy(elevation)
     match name:

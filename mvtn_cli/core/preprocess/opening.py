@@ -32,9 +32,7 @@ def choose_dataset(spec: str | None, config: Any, console: Console) -> str:
     return DEFAULT_DATASET
 
 
-def open_prepared(
-    spec: str | None, config: Any, console: Console, *, settings: Settings | None = None
-) -> Prepared:
+def open_prepared(spec: str | None, config: Any, console: Console, *, settings: Settings | None = None) -> Prepared:
     """Return a data set's stored shapes, preprocessing what is missing.
 
     Args:

@@ -10,7 +10,7 @@ from typing import Any
 from mvtn_cli.config import PreprocessConfig
 from mvtn_cli.core.store import digest
 
-STAGE = "preprocess 3"  # count up whenever the same input would come out differently
+STAGE = "preprocess 4"  # count up whenever the same input would come out differently
 
 
 @dataclass(frozen=True)

@@ -168,15 +168,11 @@ def cross_planes(record, camera, faces, first, second, ray_x, ray_y, step_x, ste
     end -= plane_inverse_depth(camera, faces, second, ray_x + step_x, ray_y + step_y)
     share = 0.5 if start == end else min(max(start / (start - end), 0.0), 1.0)
     x, y = ray_x + share * step_x, ray_y + share * step_y
-    w = 0.5 * (
-        plane_inverse_depth(camera, faces, first, x, y) + plane_inverse_depth(camera, faces, second, x, y)
-    )
+    w = 0.5 * (plane_inverse_depth(camera, faces, first, x, y) + plane_inverse_depth(camera, faces, second, x, y))
     z = 1.0 / max(w, 1e-6)
     ax, ay, az = plane_normal(camera, faces, first)
     bx, by, bz = plane_normal(camera, faces, second)
-    set_crossing(
-        record, x * z, y * z, z, ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx, horizontal
-    )
+    set_crossing(record, x * z, y * z, z, ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx, horizontal)
     record[SHARE] = share
     return w > 1e-6
 
@@ -233,9 +229,7 @@ def find_jump(
     if first < 0 or second < 0:
         # The walk left the image of the surface without an edge: it was longer than LONGEST_WALK.
         return NO_JUMP, 0
-    good = cross_planes(
-        records[0], camera, faces, last_p, last_q, ray_x, ray_y, step_x, step_y, horizontal
-    )
+    good = cross_planes(records[0], camera, faces, last_p, last_q, ray_x, ray_y, step_x, step_y, horizontal)
     return INTERSECTION, int(good)
 
 
@@ -245,7 +239,8 @@ def find_edges(camera, faces, face_edges, edge_starts, edge_faces, ids, image, f
 
     Args:
         ids: (H, W) face ids. image: (H, W, 3) colours at the sample centres.
-        records: (cap, COLUMNS) float32, filled. where: (cap,) int32, filled with 2 * sample + direction (0 right, 1 down).
+        records: (cap, COLUMNS) float32, filled.
+        where: (cap,) int32, filled with 2 * sample + direction (0 right, 1 down).
         breaks: (H, W, 2) uint8, filled: whether the step to the right and the step down cross a jump.
 
     Returns:
@@ -308,6 +303,4 @@ def blend(records, where, count, supersample, width, out):
         if move < 0:
             j, i = j + down, i + 1 - down
         for channel in range(3):
-            out[channel, j // supersample, i // supersample] -= (
-                move * records[n, JUMP + channel] * share_of_pixel
-            )
+            out[channel, j // supersample, i // supersample] -= move * records[n, JUMP + channel] * share_of_pixel

@@ -155,9 +155,7 @@ def add_following_light(
                 a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
                 volume = face_frame(camera, a, b, c, frame)
                 corner_normals(vertices, normals, a, b, c, volume, smooth, corners)
-            w0, w1, w2 = barycentric(
-                frame, volume, (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
-            )
+            w0, w1, w2 = barycentric(frame, volume, (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal)
             nx, ny, nz = normal_at(corners, smooth, w0, w1, w2)
             cosine = nx * towards[0] + ny * towards[1] + nz * towards[2]
             if cosine <= 0.0:
@@ -179,9 +177,7 @@ def add_following_light(
                 length = math.sqrt(view[0] ** 2 + view[1] ** 2 + view[2] ** 2 + 1e-30)
                 view /= length
                 facing = nx * view[0] + ny * view[1] + nz * view[2]
-                mirrored = 2.0 * cosine * facing - (
-                    towards[0] * view[0] + towards[1] * view[1] + towards[2] * view[2]
-                )
+                mirrored = 2.0 * cosine * facing - (towards[0] * view[0] + towards[1] * view[1] + towards[2] * view[2])
                 if mirrored > 0.0:
                     power = material[SHININESS]
                     g_mirror = by_white * material[SPECULAR] * power * mirrored ** (power - 1.0)

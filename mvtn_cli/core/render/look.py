@@ -45,7 +45,7 @@ class Look:
         colors: (B, 3) float32 in [0, 1], multiplied with vertex or point colours where there are some.
         light_direction: (B, 3) float32 unit vectors towards the light, world frame; None is a headlight.
         background: RGB in [0, 1].
-        ambient, diffuse, specular, shininess, falloff: Of the one light, see `shade.py`; points have their plain colour.
+        ambient, diffuse, specular, shininess, falloff: Of the one light, see `shade.py`; points have none.
         shading: "smooth" (interpolated normals) or "flat".
         supersample: Samples per pixel along each axis.
         point_radius: World radius of a point's disc, in shape radii.

@@ -122,8 +122,9 @@ class MeshScene:
         self.batch, self.look = batch, look
         self.size = look.image_size
         self.focal = focal_pixels(look.image_size, fov_deg)
-        headlight = look.light_direction is None
-        lights = np.zeros((len(batch), 3)) if headlight else look.light_direction.astype(np.float64)
+        light = look.light_direction
+        headlight = light is None
+        lights = np.zeros((len(batch), 3)) if light is None else light.astype(np.float64)
         mesh = (batch.vertices, batch.normals, batch.colors, batch.faces)
         self.mesh = (*mesh, batch.face_edges, batch.edge_starts, batch.edge_faces, batch.offsets)
         self.plain_mesh = (*mesh, batch.offsets)
@@ -189,8 +190,9 @@ class MeshScene:
         shape_of = np.repeat(np.arange(b), len(buffers.rts) // b)
         out = np.empty_like(buffers.rts)
         rows = np.ascontiguousarray(weights.reshape(-1, 3, self.size, self.size), np.float32)
+        arguments: tuple = (*self.plain_mesh, buffers.rts, shape_of, *self.shading, *buffers.arrays, rows, out)
         with parallel_chunksize(1):
-            differentiate_views(*self.plain_mesh, buffers.rts, shape_of, *self.shading, *buffers.arrays, rows, out)
+            differentiate_views(*arguments)
         return out.reshape(b, -1, 3, 4)
 
     def geometry(self, rts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -54,9 +54,7 @@ def fill_shares(centre, sigma, size, shares):
     first = max(0, int(math.floor(centre - sigma)))
     last = min(size - 1, int(math.floor(centre + sigma)))
     for pixel in range(first, last + 1):
-        shares[pixel - first, 0], shares[pixel - first, 1], shares[pixel - first, 2] = pixel_share(
-            centre, sigma, pixel
-        )
+        shares[pixel - first, 0], shares[pixel - first, 1], shares[pixel - first, 2] = pixel_share(centre, sigma, pixel)
     return first, last - first + 1
 
 

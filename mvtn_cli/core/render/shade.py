@@ -195,7 +195,5 @@ def geometry_view(vertices, normals, faces, rt, focal, smooth, ids, depth, norma
             a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
             volume = face_frame(camera, a, b, c, frame)
             corner_normals(vertices, normals, a, b, c, volume, smooth, corners)
-            w0, w1, w2 = barycentric(
-                frame, volume, (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
-            )
+            w0, w1, w2 = barycentric(frame, volume, (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal)
             normal_image[0, j, i], normal_image[1, j, i], normal_image[2, j, i] = normal_at(corners, smooth, w0, w1, w2)

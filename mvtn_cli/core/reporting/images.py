@@ -77,9 +77,7 @@ def contact_sheet(
     wide, high = 2 * margin + left + columns * pitch[0] - gap, 2 * margin + top + rows * pitch[1] - gap
     sheet = Image.new("RGB", (wide, high), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text(
-        (margin, margin), shorten(title, wide - 2 * margin, text + 1), INK, font=_font(text + 1), anchor="lt"
-    )
+    draw.text((margin, margin), shorten(title, wide - 2 * margin, text + 1), INK, font=_font(text + 1), anchor="lt")
     for j, title in enumerate(column_titles[:columns]):
         x = margin + left + j * pitch[0] + cell / 2
         draw.text((x, margin + top - 6), shorten(title, cell, text), MUTED, font=_font(text), anchor="ms")
@@ -137,9 +135,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     """The font that matplotlib brings along: it has the degree sign, Greek and Cyrillic, on every machine."""
     import matplotlib
 
-    return ImageFont.truetype(
-        str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size
-    )
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
 
 
 def _width(title: str, size: int) -> int:

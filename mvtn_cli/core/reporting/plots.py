@@ -103,9 +103,7 @@ def _whole_epochs(axes: Axes) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, integer=True, min_n_ticks=1))
 
 
-def azimuth_histogram(
-    turns_deg: ArrayLike, start_deg: ArrayLike | None = None, *, near_deg: float = 30.0
-) -> str:
+def azimuth_histogram(turns_deg: ArrayLike, start_deg: ArrayLike | None = None, *, near_deg: float = 30.0) -> str:
     """Draw where the nearest view stands relative to the known side.
 
     Args:
@@ -163,12 +161,8 @@ def sphere_map(
     if start is not None:
         a, e = standard_angles(*start)
         for v, (x, y) in enumerate(zip(np.radians(a), np.radians(e), strict=True)):
-            axes.scatter(
-                [x], [y], s=60, facecolor="none", edgecolor=colors[v], linewidths=1.3, zorder=2, clip_on=False
-            )
-            axes.annotate(
-                str(v + 1), (x, y), (5, 3), textcoords="offset points", color=INK, fontsize=6.5, zorder=5
-            )
+            axes.scatter([x], [y], s=60, facecolor="none", edgecolor=colors[v], linewidths=1.3, zorder=2, clip_on=False)
+            axes.annotate(str(v + 1), (x, y), (5, 3), textcoords="offset points", color=INK, fontsize=6.5, zorder=5)
     return _finish(figure, "sphere", "Camera directions on a map of the sphere")
 
 

@@ -66,8 +66,7 @@ def headline(findings: Findings) -> list[dict[str, str]]:
             {
                 "value": words.degrees(known["median_deg"]),
                 "label": "median view error",
-                "note": f"{words.percent(known['within_30'], 0)} within 30°"
-                + ("; blind views: 90°" if one else ""),
+                "note": f"{words.percent(known['within_30'], 0)} within 30°" + ("; blind views: 90°" if one else ""),
             }
         )
     if result.get("baseline"):
@@ -111,9 +110,7 @@ def learning_curves(findings: Findings) -> list[dict[str, Any]]:
 
     figures = []
     for key, percent in (("loss", False), ("accuracy", True)):
-        series = [
-            (name, column(f"{short}_{key}")) for name, short in (("training", "train"), ("validation", "val"))
-        ]
+        series = [(name, column(f"{short}_{key}")) for name, short in (("training", "train"), ("validation", "val"))]
         series = [(name, values) for name, values in series if any(v is not None for v in values)]
         if series:
             plot = plots.curves(series, label=key, percent=percent, best_epoch=best)
@@ -129,9 +126,7 @@ def learning_curves(findings: Findings) -> list[dict[str, Any]]:
         figures.append({"plot": Markup(plot), "caption": CAPTIONS["known"], "wide": False})
     spread = column("view_spread_deg")
     if any((value or 0) > 0.5 for value in spread):
-        plot = plots.curves(
-            [("validation", spread)], label="spread of the cameras between shapes (°)", best_epoch=best
-        )
+        plot = plots.curves([("validation", spread)], label="spread of the cameras between shapes (°)", best_epoch=best)
         figures.append({"plot": Markup(plot), "caption": CAPTIONS["spread"], "wide": False})
     return figures
 
@@ -161,15 +156,11 @@ def camera_section(findings: Findings) -> dict[str, Any] | None:
         before = None if start is None else signed_errors(
             np.broadcast_to(start[0], cameras.azimuth_deg.shape), cameras.known_azimuth_deg
         )  # fmt: skip
-        figures.append(
-            {"plot": Markup(plots.azimuth_histogram(turns, before)), "caption": _known_caption(findings)}
-        )
+        figures.append({"plot": Markup(plots.azimuth_histogram(turns, before)), "caption": _known_caption(findings)})
     alike = not learned and (statistics.get("spread_deg") or 0) < 0.5
     rings = (cameras.azimuth_deg[0], cameras.elevation_deg[0]) if alike else start
     shown = plots.sphere_map(cameras.azimuth_deg, cameras.elevation_deg, rings, dots=not alike)
-    figures.append(
-        {"plot": Markup(shown), "caption": _map_caption(findings, start is not None, learned, alike)}
-    )
+    figures.append({"plot": Markup(shown), "caption": _map_caption(findings, start is not None, learned, alike)})
     return {
         "figures": figures,
         "statistics": statistics,
@@ -212,14 +203,10 @@ def _remarks(statistics: Mapping[str, Any], learned: bool) -> list[str]:
     """What should make one think: cameras that are alike for every shape, or on top of one another."""
     remarks = []
     if learned and (statistics.get("spread_deg") or 0) < 2:
-        remarks.append(
-            "The cameras are nearly the same for every shape: one layout was learned, not one a shape."
-        )
+        remarks.append("The cameras are nearly the same for every shape: one layout was learned, not one a shape.")
     share = statistics.get("coincident_share")
     if share is not None and share > 0.2:
-        remarks.append(
-            f"{words.percent(share, 0)} of the views stand within 5° of another view of their shape."
-        )
+        remarks.append(f"{words.percent(share, 0)} of the views stand within 5° of another view of their shape.")
     return remarks
 
 
@@ -231,8 +218,7 @@ def before_and_after(findings: Findings) -> dict[str, Any] | None:
     if start is not None and (start.names != best.names or start.images.shape != best.images.shape):
         start = None
     moved = start is not None and not (
-        np.array_equal(start.azimuth_deg, best.azimuth_deg)
-        and np.array_equal(start.elevation_deg, best.elevation_deg)
+        np.array_equal(start.azimuth_deg, best.azimuth_deg) and np.array_equal(start.elevation_deg, best.elevation_deg)
     )
     stages = [start, best] if moved and start is not None else [best]
     num_views = min(SHOWN_VIEWS, best.azimuth_deg.shape[1])
@@ -261,9 +247,7 @@ def mistakes(findings: Findings) -> list[dict[str, Any]]:
         row = where.get(mistake["name"])
         pictures: list[dict[str, Any]] = []
         if views is not None and row is not None:
-            pictures = [
-                _picture(views, row, v) for v in range(min(MISTAKE_VIEWS, views.azimuth_deg.shape[1]))
-            ]
+            pictures = [_picture(views, row, v) for v in range(min(MISTAKE_VIEWS, views.azimuth_deg.shape[1]))]
         found.append({**mistake, "short": _short(mistake["name"], mistake["label"]), "pictures": pictures})
     return found
 

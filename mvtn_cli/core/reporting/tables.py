@@ -32,9 +32,7 @@ def summary_rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     if baseline := result.get("baseline"):
         spread = baseline["accuracy_sd"]
         value = words.percent(baseline["accuracy"])
-        rows.append(
-            ("histogram forest", value if words.unknown(spread) else f"{value} ± {words.percent(spread)}")
-        )
+        rows.append(("histogram forest", value if words.unknown(spread) else f"{value} ± {words.percent(spread)}"))
     return rows
 
 

@@ -133,9 +133,7 @@ def picture_settings(config: RenderViewsConfig) -> Any:
     from mvtn_cli.core.training.run import Run
 
     own = {name for name in PictureConfig.model_fields if name in config.model_fields_set} | {"image_size"}
-    return Run.open(config.run, config.runs).config.model_copy(
-        update={name: getattr(config, name) for name in own}
-    )
+    return Run.open(config.run, config.runs).config.model_copy(update={name: getattr(config, name) for name in own})
 
 
 def sheet(images: NDArray[np.uint8], views: Sequence[dict[str, Any]], title: str) -> bytes:
@@ -144,14 +142,10 @@ def sheet(images: NDArray[np.uint8], views: Sequence[dict[str, Any]], title: str
     rows = -(-count // SHEET_COLUMNS)
     columns = -(-count // rows)
     blank = np.full((rows * columns - count, *images.shape[1:]), 252, np.uint8)
-    captions = [
-        f"{words.degrees(v['azimuth_deg'], 0)} / {words.degrees(v['elevation_deg'], 0)}" for v in views
-    ]
+    captions = [f"{words.degrees(v['azimuth_deg'], 0)} / {words.degrees(v['elevation_deg'], 0)}" for v in views]
     captions += [""] * len(blank)
     grid = np.concatenate([images, blank]).reshape(rows, columns, *images.shape[1:])
-    return contact_sheet(
-        grid, captions=[captions[r * columns : (r + 1) * columns] for r in range(rows)], title=title
-    )
+    return contact_sheet(grid, captions=[captions[r * columns : (r + 1) * columns] for r in range(rows)], title=title)
 
 
 def safe_name(name: str, taken: set[str]) -> str:

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from mvtn_cli.core.shapes.geometry import doubled_normals
 from mvtn_cli.core.shapes.shape import FaceArray, FloatArray
 
-CREASE_DEG = 60.0
+CREASE_DEG = 50.0
 
 
 def split_creases(

@@ -52,9 +52,7 @@ def vertex_normals(vertices: FloatArray, faces: FaceArray) -> ColorArray:
     first[flat] = (np.arange(len(flat)) // 3)[::-1]  # written backwards: the first face is what stays
     normals, _ = _unit(total)
     cancelled = np.linalg.norm(total, axis=1) <= _CANCELLED * weight
-    normals[cancelled] = np.where(
-        first[cancelled, None] >= 0, _rows(face_normals, first[cancelled]), up[cancelled]
-    )
+    normals[cancelled] = np.where(first[cancelled, None] >= 0, _rows(face_normals, first[cancelled]), up[cancelled])
     return normals.astype(np.float32)
 
 

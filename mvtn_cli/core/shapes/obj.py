@@ -73,9 +73,7 @@ def _faces(rows: Rows, at_vertex: list[int], at_face: list[int]) -> FaceArray:
                 raise rows.error(at, f"{quoted(token)} is no corner", expected="v, v/vt or v/vt/vn") from None
             corners.append(index - 1 if index > 0 else index + known if index < 0 else -1)
             if not 0 <= corners[-1] < len(at_vertex):
-                raise rows.error(
-                    at, f"vertex index {quoted(token)}", expected=_range(index, known, len(at_vertex))
-                )
+                raise rows.error(at, f"vertex index {quoted(token)}", expected=_range(index, known, len(at_vertex)))
     return fan(np.array(corners, np.int64), counts)
 
 

@@ -109,9 +109,7 @@ def _faces(rows: Rows, n_vertices: int) -> FaceArray:
     try:
         corners = np.fromiter(map(int, listed), np.int64, int(counts.sum()))
     except (ValueError, OverflowError):
-        at, token = next(
-            (i, t) for i, row in enumerate(rows.tokens) for t in row[1 : int(row[0]) + 1] if not is_int(t)
-        )
+        at, token = next((i, t) for i, row in enumerate(rows.tokens) for t in row[1 : int(row[0]) + 1] if not is_int(t))
         raise rows.error(at, f"{quoted(token)} is not a vertex index", expected="a whole number") from None
     wrong = np.flatnonzero((corners < 0) | (corners >= n_vertices))
     if len(wrong):

@@ -69,9 +69,7 @@ def read_ply(path: Path) -> Shape:
     for element in header.elements:
         if element.name == "vertex":
             if element.has_list:
-                raise unreadable(
-                    path, "the vertex element holds a list", expected="faces in an element of their own"
-                )
+                raise unreadable(path, "the vertex element holds a list", expected="faces in an element of their own")
             table = reader.table(element)
         elif element.name == "face" and element.count:
             polygons = reader.polygons(element)
@@ -100,9 +98,7 @@ def _triangles(path: Path, polygons: Polygons, n_vertices: int) -> FaceArray:
     wrong = np.flatnonzero((corners < 0) | (corners >= n_vertices))
     if len(wrong):
         face = int(np.searchsorted(np.cumsum(counts), wrong[0], side="right"))
-        raise unreadable(
-            path, f"face {face} has vertex index {corners[wrong[0]]}", expected=f"0 to {n_vertices - 1}"
-        )
+        raise unreadable(path, f"face {face} has vertex index {corners[wrong[0]]}", expected=f"0 to {n_vertices - 1}")
     return fan(corners, counts)
 
 
@@ -140,9 +136,7 @@ def _parse_header(path: Path, data: bytes) -> _Header:
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
                 elements.append(_Element(name, int(count)))
                 if int(count) > len(data):
-                    raise unreadable(
-                        path, f"declares {count} of '{name}', more than the file has bytes", line=number
-                    )
+                    raise unreadable(path, f"declares {count} of '{name}', more than the file has bytes", line=number)
             case ["property", *parts] if elements and (new := _property(parts, order)):
                 elements[-1].properties.append(new)
             case _:
@@ -207,9 +201,7 @@ class _AsciiBody:
                 lists.append(_corners(row, element, wanted))
             except (ValueError, IndexError, OverflowError):
                 shown = quoted(b" ".join(row))
-                raise rows.error(
-                    at, f"{shown} is no face", expected="a count, then that many indices"
-                ) from None
+                raise rows.error(at, f"{shown} is no face", expected="a count, then that many indices") from None
         counts = np.array([len(corners) for corners in lists], np.int64)
         return np.fromiter(chain.from_iterable(lists), np.int64, int(counts.sum())), counts
 
@@ -243,9 +235,7 @@ class _BinaryBody:
         start, self.at = self.at, self.at + size
         if self.at > len(self.data):
             missing = self.at - len(self.data)
-            raise unreadable(
-                self.path, f"ends {missing} bytes before the end of element '{element.name}' (truncated?)"
-            )
+            raise unreadable(self.path, f"ends {missing} bytes before the end of element '{element.name}' (truncated?)")
         return start
 
     def skip(self, element: _Element) -> None:
@@ -304,9 +294,7 @@ class _BinaryBody:
                     counts.append(n)
         if wanted is None:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        return _signed(np.frombuffer(b"".join(pieces), element.properties[wanted].dtype)), np.array(
-            counts, np.int64
-        )
+        return _signed(np.frombuffer(b"".join(pieces), element.properties[wanted].dtype)), np.array(counts, np.int64)
 
 
 def _packed(properties: list[_Property]) -> np.dtype:

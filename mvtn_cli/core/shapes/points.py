@@ -34,9 +34,7 @@ def read_point_text(path: Path) -> Shape:
         if not is_int(declared):
             raise rows.error(0, "a line of one word", expected="x y z")
         if int(declared) != len(rows) - 1:
-            raise rows.error(
-                0, f"declares {int(declared)} points, but {len(rows) - 1} lines follow (truncated?)"
-            )
+            raise rows.error(0, f"declares {int(declared)} points, but {len(rows) - 1} lines follow (truncated?)")
         rows = rows[1:]
     if not len(rows):
         raise unreadable(path, "has no points", expected="lines of x y z")

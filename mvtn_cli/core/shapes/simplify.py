@@ -142,8 +142,6 @@ def _clean(unit: Shape, vertices: FloatArray, faces: npt.NDArray[np.integer]) ->
     """Return what is left after degenerate faces and loose vertices are dropped; None if nothing is."""
     used = referenced(faces, len(vertices))
     new = np.cumsum(used) - 1
-    raw = replace(
-        unit, vertices=np.asarray(vertices, np.float64)[used], faces=new[faces].astype(np.int32), colors=None
-    )
+    raw = replace(unit, vertices=np.asarray(vertices, np.float64)[used], faces=new[faces].astype(np.int32), colors=None)
     mended, findings = validate(raw)
     return None if any(finding.fatal for finding in findings) else mended

@@ -41,9 +41,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def unreadable(
-    path: Path, what: str, *, expected: str = "", line: int | None = None, hint: str = ""
-) -> DataError:
+def unreadable(path: Path, what: str, *, expected: str = "", line: int | None = None, hint: str = "") -> DataError:
     """Build the one-line error for a file: which, where, what was wrong, what was expected."""
     where = shown(path) if line is None else f"{shown(path)}, line {line}"
     message = f"{where}: {what[:300]}" + (f"; expected {expected}" if expected else "")

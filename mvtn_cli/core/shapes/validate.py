@@ -104,9 +104,7 @@ def _check_arrays(shape: Shape) -> None:
     pairs = (("colors", shape.colors, shape.vertices), ("point_colors", shape.point_colors, shape.points))
     for name, colors, owner in pairs:
         if colors is not None and (owner is None or colors.shape != owner.shape):
-            raise _UnusableError(
-                "malformed-arrays", 1, f"{name} must have one row for each point, got {colors.shape}"
-            )
+            raise _UnusableError("malformed-arrays", 1, f"{name} must have one row for each point, got {colors.shape}")
 
 
 # --- point clouds ---
@@ -141,9 +139,7 @@ def _mend_mesh(shape: Shape, findings: list[Finding]) -> Shape:
     used = referenced(faces, count)
     faces = _drop_non_finite(vertices, faces, findings)
     if (unused := int((~used & finite_rows(vertices)).sum())) > 0:
-        findings.append(
-            _mended("unreferenced-vertices", unused, f"{unused} vertices belong to no face; removed")
-        )
+        findings.append(_mended("unreferenced-vertices", unused, f"{unused} vertices belong to no face; removed"))
     # Before merging too: a far face without area must not make the rest a point.
     faces = _drop_degenerate(vertices, faces, findings)
     faces = _merge_vertices(vertices, colors, faces, findings)
@@ -179,12 +175,8 @@ def _drop_non_finite(vertices: FloatArray, faces: FaceArray, findings: list[Find
     bad, keep = int((~finite).sum()), finite[faces].all(axis=1)
     lost = int((~keep).sum())
     if lost == len(faces):
-        raise _UnusableError(
-            "non-finite-vertices", bad, f"every face uses one of {bad} vertices that are not finite"
-        )
-    findings.append(
-        _mended("non-finite-vertices", bad, f"{bad} vertices removed, and the {lost} faces that use them")
-    )
+        raise _UnusableError("non-finite-vertices", bad, f"every face uses one of {bad} vertices that are not finite")
+    findings.append(_mended("non-finite-vertices", bad, f"{bad} vertices removed, and the {lost} faces that use them"))
     return faces[keep]
 
 
@@ -261,9 +253,7 @@ def _mend_colors(colors: ColorArray | None, findings: list[Finding]) -> ColorArr
     missing = ~finite_rows(colors)
     if missing.any():
         bad = int(missing.sum())
-        findings.append(
-            _mended("missing-colors", bad, f"{bad} of {len(colors)} vertices have no colour; made white")
-        )
+        findings.append(_mended("missing-colors", bad, f"{bad} of {len(colors)} vertices have no colour; made white"))
         colors = np.where(missing[:, None], np.float32(NO_COLOR), colors)
     outside = np.asarray(((colors < 0) | (colors > 1)).any(axis=1))
     if outside.any():

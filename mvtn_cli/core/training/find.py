@@ -67,9 +67,7 @@ def differences(run: Run, config: TrainConfig, prepared: Any) -> dict[str, tuple
     if info["data_address"] != prepared.address:
         same_words = info["dataset"] == prepared.spec
         changed["dataset"] = (
-            (f"{info['dataset']} as it was", "with other contents")
-            if same_words
-            else (info["dataset"], prepared.spec)
+            (f"{info['dataset']} as it was", "with other contents") if same_words else (info["dataset"], prepared.spec)
         )
     return changed
 

@@ -37,9 +37,7 @@ def judge_epoch(
         config: The settings.
         each_batch: Called before each batch; may raise to end early.
     """
-    answers = predict(
-        model, shapes, select or shown, config, batch_size=config.batch_size, each_batch=each_batch
-    )
+    answers = predict(model, shapes, select or shown, config, batch_size=config.batch_size, each_batch=each_batch)
     health = watch.view_health(answers.azimuth_deg, answers.elevation_deg, answers.known_azimuth_deg)
     return {
         "val_loss": answers.loss if select else None,

@@ -40,8 +40,7 @@ def build_optimisers(model: Recogniser, config: TrainConfig) -> dict[str, Optimi
         By the name of the network: `classifier`, and perhaps `viewpoint network`.
     """
     groups = [
-        {"params": group["params"], "peak": config.lr * group["lr_scale"]}
-        for group in model.network_parameters()
+        {"params": group["params"], "peak": config.lr * group["lr_scale"]} for group in model.network_parameters()
     ]
     optimisers: dict[str, Optimizer] = {CLASSIFIER: AdamW(groups, weight_decay=config.weight_decay)}
     if model.selector.learned:

@@ -59,9 +59,7 @@ def train(
     """
     watch.check_views_can_learn(config)
     indices = training_indices(config, prepared)
-    run = find_or_create_run(
-        config, prepared, config.runs, name or config.name, console, reuse_finished=reuse_finished
-    )
+    run = find_or_create_run(config, prepared, config.runs, name or config.name, console, reuse_finished=reuse_finished)
     if run.finished:
         return run
     with run.lock(), StopRequest(console, stop) as stopping:

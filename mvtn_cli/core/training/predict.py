@@ -138,9 +138,7 @@ def load_model(run: Run, checkpoint: str = "best", device: torch.device | str = 
     try:
         model.load_state_dict(read_weights(path))
     except RuntimeError as error:
-        raise DataError(
-            f"the weights in {path} don't fit its config.toml: {error}", code="run.weights"
-        ) from error
+        raise DataError(f"the weights in {path} don't fit its config.toml: {error}", code="run.weights") from error
     model.to(choose_device(device) if isinstance(device, str) else device)
     return model.eval()
 

@@ -153,9 +153,7 @@ class Run:
             settings = tomllib.loads(self.config_path.read_text(encoding="utf-8"))
             return TrainConfig.model_validate(settings)
         except (OSError, ValueError) as error:
-            raise DataError(
-                f"can't read the settings in {self.config_path}: {error}", code="run.config"
-            ) from error
+            raise DataError(f"can't read the settings in {self.config_path}: {error}", code="run.config") from error
 
     @property
     def info(self) -> dict[str, Any]:

@@ -35,9 +35,7 @@ def load_batch(shapes: Shapes, indices: Sequence[int], render: str) -> tuple[Sha
     loaded = [shapes.load(i) for i in indices]
     records = [shapes.records[i] for i in indices]
     bare = [record.name for record, shape in zip(records, loaded, strict=True) if not shape.has_mesh]
-    batch = pack(
-        loaded, labels=[record.label for record in records], names=[record.name for record in records]
-    )
+    batch = pack(loaded, labels=[record.label for record in records], names=[record.name for record in records])
     if render == "points" or (render == "auto" and len(bare) == len(loaded)):
         return batch, "points"
     if bare:
@@ -49,9 +47,7 @@ def load_batch(shapes: Shapes, indices: Sequence[int], render: str) -> tuple[Sha
     return batch, "mesh"
 
 
-def alike_batches(
-    shapes: Shapes, indices: Sequence[int], batch_size: int, render: str
-) -> Iterator[list[int]]:
+def alike_batches(shapes: Shapes, indices: Sequence[int], batch_size: int, render: str) -> Iterator[list[int]]:
     """Cut indices into batches, in order; with `auto`, meshes and point clouds do not share one."""
     chunk: list[int] = []
     has_mesh = True

@@ -72,9 +72,7 @@ def check_views_can_learn(config: Any) -> None:
         )
 
 
-def view_health(
-    azimuth_deg: ArrayLike, elevation_deg: ArrayLike, known_azimuth_deg: ArrayLike
-) -> dict[str, Any]:
+def view_health(azimuth_deg: ArrayLike, elevation_deg: ArrayLike, known_azimuth_deg: ArrayLike) -> dict[str, Any]:
     """Numbers that tell how the cameras of N shapes are doing.
 
     Args:

@@ -105,9 +105,7 @@ class Cameras:
     def __post_init__(self) -> None:
         shapes = {tuple(field.shape) for field in (self.azimuth_deg, self.elevation_deg, self.distance)}
         if len(shapes) != 1 or self.azimuth_deg.ndim != 2:
-            raise ValueError(
-                f"azimuth_deg, elevation_deg and distance must all be (B, M), got {sorted(shapes)}"
-            )
+            raise ValueError(f"azimuth_deg, elevation_deg and distance must all be (B, M), got {sorted(shapes)}")
         if not 0.0 < self.fov_deg < 180.0:
             raise ValueError(f"fov_deg must lie between 0 and 180, got {self.fov_deg}")
 

@@ -75,9 +75,7 @@ def _deserno_ring_sizes(num_views: int) -> list[int] | None:
     """
     rings = _ring_count(num_views)
     arc = (4 * math.pi / num_views) / (math.pi / rings)
-    sizes = [
-        round(2 * math.pi * math.cos(math.radians(elevation)) / arc) for elevation in _ring_elevations(rings)
-    ]
+    sizes = [round(2 * math.pi * math.cos(math.radians(elevation)) / arc) for elevation in _ring_elevations(rings)]
     return sizes if sum(sizes) == num_views and min(sizes) >= 1 else None
 
 

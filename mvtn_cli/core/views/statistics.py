@@ -53,9 +53,7 @@ def resultant_length(angle_deg: ArrayLike, axis: int | None = None) -> NDArray[n
     return np.hypot(np.sin(angle).mean(axis=axis), np.cos(angle).mean(axis=axis))
 
 
-def view_spread(
-    azimuth_deg: ArrayLike, elevation_deg: ArrayLike, axis: int | None = None
-) -> NDArray[np.float64]:
+def view_spread(azimuth_deg: ArrayLike, elevation_deg: ArrayLike, axis: int | None = None) -> NDArray[np.float64]:
     """Angular deviation of camera directions on the sphere along `axis`, in degrees.
 
     sqrt(2 · (1 - |mean direction|)), in degrees: 0 where all cameras look from one side, 81.03 where they

@@ -67,16 +67,12 @@ def _seat_base(rng: Generator, width: float, depth: float, height: float, spread
     return parts
 
 
-def four_legs(
-    rng: Generator, x: float, z: float, height: float, size: float, splay: float = 0.0
-) -> list[Mesh]:
+def four_legs(rng: Generator, x: float, z: float, height: float, size: float, splay: float = 0.0) -> list[Mesh]:
     """Four legs from (±x, height, ±z) down to the floor, square or round, perhaps tapered and splayed."""
     sides = 10 if chance(rng, 0.45) else 4
     foot = size * rng.uniform(0.5, 1.0)
     return [
-        post(
-            (i * (x + splay * height), 0, j * (z + splay * height)), (i * x, height, j * z), foot, size, sides
-        )
+        post((i * (x + splay * height), 0, j * (z + splay * height)), (i * x, height, j * z), foot, size, sides)
         for i, j in _CORNERS
     ]
 
@@ -113,9 +109,7 @@ def _chair_back(rng: Generator, width: float, height: float) -> list[Mesh]:
         path = curve([(-x, 0, 0), (-x, height * 0.6, 0), (0, height, 0), (x, height * 0.6, 0), (x, 0, 0)], 17)
         places = np.linspace(-0.7, 0.7, int(rng.integers(3, 7))) * x
         tops = np.interp(places, path[4:13, 0], path[4:13, 1])
-        spindles = [
-            rod((p, 0, 0), (p, top, 0), size / 4, segments=8) for p, top in zip(places, tops, strict=True)
-        ]
+        spindles = [rod((p, 0, 0), (p, top, 0), size / 4, segments=8) for p, top in zip(places, tops, strict=True)]
         return [tube(path, size / 2), *spindles]
     posts = mirrored_pair(post((x, 0, 0), (x, height, 0), size, size))
     rail = u(0.05, 0.10)
@@ -146,9 +140,7 @@ def table(rng: Generator) -> Mesh:
     height, thickness = u(0.35, 0.95), u(0.02, 0.09)
     exponent = 2.0 if chance(rng, 0.35) else u(6, 20)
     top = top_plate(length, depth, thickness, exponent).at(y=height - thickness)
-    return join(
-        [top, *_table_base(rng, length, depth, height - thickness, 0.68 if exponent == 2.0 else 0.94)]
-    )
+    return join([top, *_table_base(rng, length, depth, height - thickness, 0.68 if exponent == 2.0 else 0.94)])
 
 
 def _table_base(rng: Generator, length: float, depth: float, height: float, spread: float) -> list[Mesh]:
@@ -198,9 +190,7 @@ def sofa(rng: Generator) -> Mesh:
         x = (k - (seats - 1) / 2) * seat
         long = depth * u(1.5, 1.8) if seats > 1 and k == seats - 1 and chance(rng, 0.35) else depth
         parts.append(
-            rounded_box(seat * 0.97, cushion, long - back, soft).at(
-                x, rise - cushion / 2, (long - depth + back) / 2
-            )
+            rounded_box(seat * 0.97, cushion, long - back, soft).at(x, rise - cushion / 2, (long - depth + back) / 2)
         )
         if long > depth:
             parts.append(rounded_box(seat, base, long - depth, 0.02).at(x, foot + base / 2, long / 2))

@@ -1,7 +1,7 @@
 """Triangle meshes from a handful of primitives: boxes, lofts, lathes, tubes, slabs, posts.
 
 Axes: y is up, a thing's front looks along +z, its length or width lies along x. Every primitive is welded,
-wound outwards and centred as its docstring says; `split_creases` opens the sharp edges once, at the end.
+wound outwards and centred as its docstring says. Sharp edges stay welded: preprocessing splits them.
 """
 
 from __future__ import annotations
@@ -11,11 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-
-EDGE_GAP = 2e-6
-"""How far the two sides of a sharp edge lie apart, in extents: below a pixel, yet not one place."""
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _BOX_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2.0
@@ -152,13 +147,9 @@ def tube(path: ArrayLike, radius: float | ArrayLike, segments: int = 8) -> Mesh:
     return loft(np.array(rings), points[0], points[-1])
 
 
-def rod(
-    start: ArrayLike, end: ArrayLike, radius: float, end_radius: float | None = None, segments: int = 10
-) -> Mesh:
+def rod(start: ArrayLike, end: ArrayLike, radius: float, end_radius: float | None = None, segments: int = 10) -> Mesh:
     """Straight cylinder or cone between two points."""
-    return tube(
-        np.array([start, end], dtype=float), [radius, radius if end_radius is None else end_radius], segments
-    )
+    return tube(np.array([start, end], dtype=float), [radius, radius if end_radius is None else end_radius], segments)
 
 
 def post(foot: ArrayLike, top: ArrayLike, foot_size: float, top_size: float, sides: int = 4) -> Mesh:
@@ -209,7 +200,7 @@ def rounded_box(width: float, height: float, depth: float, radius: float, steps:
     x = radius * flat[0] + sign_x * inner[0]
     z = radius * flat[1] + sign_z * inner[2]
     y = np.broadcast_to((radius * np.sin(rise) + sign_y * inner[1])[:, None], x.shape)
-    return _welded(loft(np.stack([x, y, z], axis=-1), (0, -half[1], 0), (0, half[1], 0)))
+    return welded(loft(np.stack([x, y, z], axis=-1), (0, -half[1], 0), (0, half[1], 0)))
 
 
 def curve(points: ArrayLike, count: int) -> np.ndarray:
@@ -223,7 +214,7 @@ def curve(points: ArrayLike, count: int) -> np.ndarray:
     return b + t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a))) / 2
 
 
-def _welded(mesh: Mesh) -> Mesh:
+def welded(mesh: Mesh) -> Mesh:
     """Merge vertices at one place and drop the faces that thereby lose their area."""
     grid = np.round(mesh.vertices / np.ptp(mesh.vertices, axis=0).max(), 9)
     _, first, group = np.unique(grid, axis=0, return_index=True, return_inverse=True)
@@ -235,40 +226,3 @@ def _welded(mesh: Mesh) -> Mesh:
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-# ---------------------------------------------------------------- finishing
-
-
-def split_creases(mesh: Mesh, degrees: float = 50.0) -> Mesh:
-    """Give the two sides of every sharp edge vertices of their own, so that smooth shading keeps the edge.
-
-    The corners of all faces are nodes; corners that meet across a smooth edge belong together, and each group
-    becomes one vertex. A group is drawn inwards by `EDGE_GAP`, so that nothing that merges vertices in one
-    place closes the edge again.
-    """
-    faces = mesh.faces.astype(np.int64)
-    a, b, c = (mesh.vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    start, stop = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
-    corner = np.arange(start.size)
-    following = corner - corner % 3 + (corner + 1) % 3
-    forward = start < stop
-    key = np.minimum(start, stop) * len(mesh.vertices) + np.maximum(start, stop)
-    order = np.argsort(key, kind="stable")
-    same = key[order[1:]] == key[order[:-1]]
-    e, f = order[:-1][same], order[1:][same]
-    smooth = (normals[e // 3] * normals[f // 3]).sum(1) > np.cos(np.radians(degrees))
-    e, f = e[smooth], f[smooth]
-    low, high = np.where(forward, corner, following), np.where(forward, following, corner)
-    left, right = np.concatenate([low[e], high[e]]), np.concatenate([low[f], high[f]])
-    links = coo_matrix((np.ones(left.size, dtype=np.int8), (left, right)), shape=(start.size, start.size))
-    groups, group = connected_components(links, directed=False)
-    vertices, inward = np.zeros((groups, 3)), np.zeros((groups, 3))
-    vertices[group] = mesh.vertices[start]
-    for axis in range(3):
-        inward[:, axis] = -np.bincount(group, np.repeat(normals[:, axis], 3), groups)
-    gap = EDGE_GAP * np.ptp(mesh.vertices, axis=0).max()
-    vertices += gap * inward / np.maximum(np.linalg.norm(inward, axis=1, keepdims=True), 1e-300)
-    return Mesh(vertices, group.reshape(-1, 3).astype(np.int32))

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from mvtn_cli.core.datasets.builtin.mesh import EDGE_GAP, Mesh
+from mvtn_cli.core.datasets.builtin.mesh import Mesh
 from mvtn_cli.core.datasets.builtin.shapes import shape_rng
 from mvtn_cli.core.shapes import Shape
 
-VERSION = 1
+VERSION = 2
 """Goes up with each change that moves a vertex; stored shapes of another version are made again."""
 
 CLASSES = ("cross", "dots", "horizontal-ridges", "ring", "vertical-ridges", "wedge")
@@ -94,7 +94,7 @@ def draw_body(rng: Generator) -> Body:
 
 
 def barrel(body: Body, label: int) -> Mesh:
-    """Build the mesh, front towards +z: a welded mantle and two flat caps with vertices of their own."""
+    """Build the closed mesh, front towards +z: a mantle (36 columns of 17 rows) and two flat fans of caps."""
     angle, rise = _ANGLE[:, None], _RISE[None, :]
     profile = body.radius * (1 + body.taper * rise + body.bulge * (1 - rise**2))
     radius = profile + body.amplitude * relief(body, label)
@@ -103,11 +103,9 @@ def barrel(body: Body, label: int) -> Mesh:
     y = body.half_height * rise - up * body.slant * body.radius * np.cos(angle)
     z = radius * np.cos(angle) - up * body.lean
     mantle = np.stack([x, y, z], axis=-1)
-    # The rim's middle lies in its slanted plane. Caps stand off a hair, so that no one merges them away.
-    gap = np.array([0.0, EDGE_GAP, 0.0])
-    foot = np.concatenate([mantle[:, 0], [[0, -body.half_height, 0]]]) + gap
-    rim = np.concatenate([mantle[:, -1], [[0, body.half_height, -body.lean]]]) - gap
-    return Mesh(np.concatenate([mantle.reshape(-1, 3), foot, rim]), _FACES)
+    # The rim's middle lies in its slanted plane.
+    middles = np.array([[0, -body.half_height, 0], [0, body.half_height, -body.lean]])
+    return Mesh(np.concatenate([mantle.reshape(-1, 3), middles]), _FACES)
 
 
 def relief(body: Body, label: int) -> np.ndarray:
@@ -155,11 +153,11 @@ def _topology() -> np.ndarray:
     even = np.stack([a, c, b, b, c, d], axis=-1)
     odd = np.stack([a, c, d, a, d, b], axis=-1)
     mantle = np.where(((i + j) % 2 == 0)[..., None], even, odd).reshape(-1, 3)
-    ring = np.arange(_COLUMNS)
-    following = np.roll(ring, -1)
-    foot, rim = _COLUMNS * _ROWS, _COLUMNS * _ROWS + _COLUMNS + 1
-    low = np.stack([foot + following, foot + ring, np.full(_COLUMNS, foot + _COLUMNS)], axis=-1)
-    high = np.stack([rim + ring, rim + following, np.full(_COLUMNS, rim + _COLUMNS)], axis=-1)
+    foot = np.arange(_COLUMNS) * _ROWS
+    rim = foot + _ROWS - 1
+    middle = np.full(_COLUMNS, _COLUMNS * _ROWS)
+    low = np.stack([np.roll(foot, -1), foot, middle], axis=-1)
+    high = np.stack([rim, np.roll(rim, -1), middle + 1], axis=-1)
     return np.concatenate([mantle, low, high]).astype(np.int32)
 
 

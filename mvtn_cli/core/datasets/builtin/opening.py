@@ -68,15 +68,11 @@ def open_builtin(spec: str) -> Dataset:
         raise choose_error("builtin", name, DEFAULTS)
     settings = DEFAULTS[name] | _settings(query, spec)
     if not settings["train"] and not settings["test"]:
-        raise UsageError(
-            f"'{spec}' asks for no shapes", hint="set train or test above 0", code="dataset.empty"
-        )
+        raise UsageError(f"'{spec}' asks for no shapes", hint="set train or test above 0", code="dataset.empty")
     changed = [f"{key}={value}" for key, value in settings.items() if value != DEFAULTS[name][key]]
     canonical = f"builtin:{name}" + ("?" + "&".join(changed) if changed else "")
     make, classes = (_everyday, shapes.CLASSES) if name == "shapes" else (_one_sided, one_sided.CLASSES)
-    items = tuple(
-        item for split in ("train", "test") for item in make(split, settings[split], settings["seed"])
-    )
+    items = tuple(item for split in ("train", "test") for item in make(split, settings[split], settings["seed"]))
     what = "everyday shapes" if name == "shapes" else "barrels with a relief on one side"
     counts = f"{settings['train']} train, {settings['test']} test, seed {settings['seed']}"
     title = f"{what} made on the spot: {len(classes)} classes, {counts}"
@@ -91,9 +87,7 @@ def _settings(query: str, spec: str) -> dict[str, int]:
         if key not in _LARGEST:
             raise choose_error("setting", key, _LARGEST)
         if key in settings:
-            raise UsageError(
-                f"{key} is given twice in '{spec}'", hint="keep one of the two", code="dataset.setting"
-            )
+            raise UsageError(f"{key} is given twice in '{spec}'", hint="keep one of the two", code="dataset.setting")
         readable = text.isascii() and text.isdecimal() and len(text) < 20
         if not readable or int(text) > _LARGEST[key]:
             raise UsageError(

@@ -79,9 +79,7 @@ def wardrobe(rng: Generator) -> Mesh:
     high = height - low
     case = [board(width, high, depth)]
     if chance(rng, 0.5):  # what nobody sees from outside; drawn meshes often have it too
-        case += [
-            box(width - 0.04, 0.025, depth - 0.04).at(y=y) for y in np.arange(u(0.2, 0.5), high, u(0.3, 0.5))
-        ]
+        case += [box(width - 0.04, 0.025, depth - 0.04).at(y=y) for y in np.arange(u(0.2, 0.5), high, u(0.3, 0.5))]
     drawers = int(rng.integers(1, 4)) if chance(rng, 0.5) else 0
     rows = drawers * high * u(0.14, 0.2)
     case += _drawers(rng, width, rows, drawers, depth / 2)

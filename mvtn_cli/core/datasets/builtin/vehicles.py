@@ -51,9 +51,7 @@ def car(rng: Generator) -> Mesh:
     parts += mirrored_pair(lamp.at(width * 0.36, clear + body * 0.6, length / 2 - 0.02))
     parts += [box(width * 0.9, 0.12, 0.16).at(0, clear + 0.1, k * length / 2) for k in (-1, 1)]
     if chance(rng, 0.6):
-        parts += mirrored_pair(
-            rounded_box(0.2, 0.13, 0.08, 0.03).at(width / 2 + 0.05, belt + 0.1, length * 0.17)
-        )
+        parts += mirrored_pair(rounded_box(0.2, 0.13, 0.08, 0.03).at(width / 2 + 0.05, belt + 0.1, length * 0.17))
     if kind in ("van", "hatchback") and chance(rng, 0.4):
         parts += mirrored_pair(
             rod((width * 0.32, roof + 0.06, -length * 0.35), (width * 0.32, roof + 0.06, length * 0.02), 0.03)
@@ -73,9 +71,7 @@ def _hull(width: float, length: float, clear: float, body: float, kind: str, bon
     wide = np.array([0.88, 0.96, 1.0, 1.0, 1.0, 0.93, 0.84]) * width
     ring = superellipse(1, 1, 6, 24)
     rings = [
-        np.column_stack(
-            [w * ring[:, 0], clear + body * t * (ring[:, 1] + 0.5), np.full(len(ring), (p - 0.5) * length)]
-        )
+        np.column_stack([w * ring[:, 0], clear + body * t * (ring[:, 1] + 0.5), np.full(len(ring), (p - 0.5) * length)])
         for p, t, w in zip(places, tops, wide, strict=True)
     ]
     return loft(np.array(rings), rings[0].mean(0), rings[-1].mean(0))
@@ -168,9 +164,7 @@ def _wing(root: float, span: float, sweep: float, taper: float, thick: float) ->
     return loft(rings, rings[0].mean(0), rings[-1].mean(0))
 
 
-def _engines(
-    rng: Generator, kind: str, radius: float, y: float, place: float, slope: float, lift: float
-) -> list[Mesh]:
+def _engines(rng: Generator, kind: str, radius: float, y: float, place: float, slope: float, lift: float) -> list[Mesh]:
     u = rng.uniform
     if kind == "fighter":
         return [rod((0, 0, -0.9), (0, 0, -1.08), radius * 0.6, radius * 0.45, 14)]

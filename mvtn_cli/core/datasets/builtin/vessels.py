@@ -119,9 +119,7 @@ def bottle(rng: Generator) -> Mesh:
         parts.append(lathe([(0, 0.08), (radius * 0.9, 0.1), *(curved * (0.9, 1.0)), (0, top)]))
     if waist == radius and chance(rng, 0.5):  # label
         low, high = body * 0.12, body * 0.42
-        parts.append(
-            lathe([(radius * 0.9, low), (radius * 1.03, low), (radius * 1.03, high), (radius * 0.9, high)])
-        )
+        parts.append(lathe([(radius * 0.9, low), (radius * 1.03, low), (radius * 1.03, high), (radius * 0.9, high)]))
     flat = u(0.5, 0.8) if chance(rng, 0.25) else 1.0
     return join(parts).scaled(z=flat)
 
@@ -163,9 +161,7 @@ def vase(rng: Generator) -> Mesh:
     outside = curve(control, 14)
     outside[:, 0] = np.maximum(outside[:, 0], 0.12)
     base = [(foot * 1.15, 0), (foot * 1.15, height * 0.04)]
-    parts = [
-        lathe(_hollow(np.concatenate([base, outside + np.array([0, height * 0.04])]), 0.05, height * 0.1))
-    ]
+    parts = [lathe(_hollow(np.concatenate([base, outside + np.array([0, height * 0.04])]), 0.05, height * 0.1))]
     if chance(rng, 0.35):
         low, high = height * (place + 0.08), height * (throat + 0.04)
         ear = [(np.interp(y, outside[:, 1], outside[:, 0]), y, 0) for y in (high, low)]
