@@ -127,7 +127,7 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
         argument=True,
     )
     train_limit: int | None = option(None, "Use only this many training shapes, drawn by seed", "Data", ge=1)
-    val_fraction: float = option(0.1, "Share of each class set aside for validation", "Data", ge=0, lt=1)
+    val_fraction: float = option(0.1, "Share of each class set aside for validation; 0: none, the last epoch is taken", "Data", ge=0, lt=1)
 
     views: Selection = option(
         "learned-spherical",
@@ -140,7 +140,7 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     )
     explore: float | None = option(
         None,
-        "Noise on learned views in training, degrees, falling to zero; auto: 45 for learned views; 0: none",
+        "Noise on learned views in training, degrees, falling to zero; auto: 45, or half the reach of learned-circular/-spherical; 0: none",
         "Views",
         ge=0,
         le=180,
@@ -204,12 +204,6 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
                 f"--angles tanh belongs to --views learned-direct, not to {self.views}",
                 hint="add --views learned-direct, or leave --angles out",
                 code="train.angles",
-            )
-        if self.select == "val" and self.val_fraction == 0:
-            raise UsageError(
-                "without validation shapes no best epoch can be chosen by them",
-                hint="use a --val-fraction above 0, or --select test",
-                code="train.no-validation",
             )
         return self
 

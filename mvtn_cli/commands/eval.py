@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mvtn_cli.commands.options import Call
-from mvtn_cli.commands.sources import find_run, open_shapes
+from mvtn_cli.commands.sources import find_run, open_shapes_of
 from mvtn_cli.config import EvalConfig
 from mvtn_cli.console import duration
 
@@ -21,7 +21,7 @@ def evaluate(config: EvalConfig, call: Call) -> None:
     Example: mvtn eval --baseline
     """
     run = find_run(config.run, config.runs, call)
-    prepared = open_shapes(run.info["dataset"], config, call)
+    prepared = open_shapes_of(run, config, call)
     if prepared.address != run.info["data_address"]:
         call.console.warn(f"{prepared.spec} is not what {run.path} was trained on: the shapes have changed")
     result = _evaluate(run, prepared, config, call)

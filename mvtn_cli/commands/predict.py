@@ -34,7 +34,7 @@ def predict(config: PredictConfig, call: Call) -> None:
     bad = 0
     with call.console.progress("predict", len(files)) as ticker:
         for batch in _batches(files, config.batch_size):
-            prepared, failed = open_files(batch, up, config, call)
+            prepared, failed = open_files(batch, up, run, config, call)
             bad += len(failed)
             for answer in _answers(run, model, prepared, batch, config):
                 call.console.record(answer, _line(answer))

@@ -13,6 +13,7 @@ from mvtn_cli.commands.sources import (
     names_given,
     open_files,
     open_shapes,
+    open_shapes_of,
     up_axis,
 )
 from mvtn_cli.config import RenderViewsConfig
@@ -70,10 +71,10 @@ def _open(
 ) -> tuple[Prepared | None, int]:
     """Open what is to be drawn; returns it (None if nothing can be used) and how many files are bad."""
     if not words:
-        return open_shapes(run.info["dataset"] if run else None, config, call), 0
+        return (open_shapes_of(run, config, call) if run else open_shapes(None, config, call)), 0
     if len(words) == 1 and words[0] != "-" and (Path(words[0]).is_dir() or _is_spec(words[0])):
         return open_shapes(words[0], config, call), 0
-    prepared, failed = open_files(list(expand(names_given(words))), up_axis(config.up, run), config, call)
+    prepared, failed = open_files(list(expand(names_given(words))), up_axis(config.up, run), run, config, call)
     return prepared, len(failed)
 
 

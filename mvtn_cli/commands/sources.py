@@ -80,6 +80,14 @@ def _expand_one(name: str) -> list[str]:
     return files
 
 
+def open_shapes_of(run: Run, config: Any, call: Call) -> Prepared:
+    """Open the shapes that a run was trained on, prepared as they were then."""
+    from mvtn_cli.core.preprocess import Settings, open_prepared
+
+    settings = Settings.from_dict(run.info["preprocess"])
+    return open_prepared(run.info["dataset"], config, call.console, settings=settings)
+
+
 def open_shapes(spec: str | None, config: Any, call: Call) -> Prepared:
     """Open the stored shapes of a data set; without a name, that of mvtn.toml or this folder's last work.
 
@@ -105,12 +113,15 @@ def find_run(name: str | None, runs: Path, call: Call) -> Run:
     return run
 
 
-def open_files(files: Sequence[str], up: str, config: Any, call: Call) -> tuple[Prepared | None, list[str]]:
+def open_files(
+    files: Sequence[str], up: str, run: Run | None, config: Any, call: Call
+) -> tuple[Prepared | None, list[str]]:
     """Prepare single files; those that can't be used are named on stderr and don't stop the others.
 
     Args:
         files: Names; each may be missing.
         up: The axis that points up in them, `y` or `z`.
+        run: Whose shapes they are to be prepared like; None is as `preprocess` would.
         config: The command's configuration: `cache` and `workers` hold.
         call: For the settings of `preprocess` and the console.
 
@@ -125,7 +136,8 @@ def open_files(files: Sequence[str], up: str, config: Any, call: Call) -> tuple[
     present = {str(Path(file).absolute()): file for file in files if file not in failed}
     prepared = None
     if present:
-        settings = Settings.of(call.settings(PreprocessConfig, "preprocess"))
+        wanted = Settings.of(call.settings(PreprocessConfig, "preprocess"))
+        settings = Settings.from_dict(run.info["preprocess"]) if run else wanted
         quiet = Console(err=call.console.err, quiet=True)
         store = Store(cache_root(config.cache))
         dataset = unlabelled(list(present), up=up)

@@ -51,7 +51,7 @@ class Run:
         Args:
             path: Its folder.
             config: The settings; what is kept of them names the data set that was really taken.
-            prepared: The data set: `spec`, `title`, `classes`, `known_view` and `address` are kept.
+            prepared: The data set: `spec`, `title`, `classes`, `known_view`, `address` and `settings` are kept.
         """
         run = cls(path)
         path.mkdir(parents=True, exist_ok=True)
@@ -66,6 +66,7 @@ class Run:
                 "dataset": prepared.spec,
                 "title": prepared.title,
                 "data_address": prepared.address,
+                "preprocess": prepared.settings.as_dict(),
                 "known_view": prepared.known_view,
                 "version": __version__,
                 "seed": config.seed,
