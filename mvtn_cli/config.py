@@ -127,7 +127,9 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
         argument=True,
     )
     train_limit: int | None = option(None, "Use only this many training shapes, drawn by seed", "Data", ge=1)
-    val_fraction: float = option(0.1, "Share of each class set aside for validation; 0: none, the last epoch is taken", "Data", ge=0, lt=1)
+    val_fraction: float = option(
+        0.1, "Share of each class for validation; 0: none, the last epoch is taken", "Data", ge=0, lt=1
+    )
 
     views: Selection = option(
         "learned-spherical",
@@ -140,7 +142,7 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     )
     explore: float | None = option(
         None,
-        "Noise on learned views in training, degrees, falling to zero; auto: 45, or half the reach of learned-circular/-spherical; 0: none",
+        "Noise on learned views in training, degrees, falling to zero; auto: 45, or half the reach of offset views; 0: none",
         "Views",
         ge=0,
         le=180,

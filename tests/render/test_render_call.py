@@ -166,20 +166,15 @@ def test_a_shape_without_faces_is_refused_by_name():
     render(batch, cameras(VIEWS[0], count=2), scenes.look(8, 2, kind="points"))
 
 
-UNCHECKED = "scene.render doesn't compare the number of shapes, cameras and colours"
-WRONG = pytest.mark.xfail(strict=True, reason=UNCHECKED)
-DANGEROUS = pytest.mark.xfail(run=False, reason=UNCHECKED + ": reads memory that isn't its own")
-
-
 @pytest.mark.parametrize(
     ("kind", "shapes", "sets", "colors"),
     [
-        pytest.param("mesh", 1, 2, 1, marks=WRONG),
-        pytest.param("points", 1, 2, 1, marks=WRONG),
-        pytest.param("points", 2, 1, 2, marks=WRONG),
-        pytest.param("mesh", 2, 1, 2, marks=DANGEROUS),
-        pytest.param("mesh", 2, 2, 1, marks=DANGEROUS),
-        pytest.param("points", 2, 2, 1, marks=DANGEROUS),
+        pytest.param("mesh", 1, 2, 1),
+        pytest.param("points", 1, 2, 1),
+        pytest.param("points", 2, 1, 2),
+        pytest.param("mesh", 2, 1, 2),
+        pytest.param("mesh", 2, 2, 1),
+        pytest.param("points", 2, 2, 1),
     ],
 )
 def test_cameras_or_colours_for_another_number_of_shapes_are_refused(kind, shapes, sets, colors):

@@ -165,7 +165,6 @@ def near_to(mask):
     return grown
 
 
-@pytest.mark.xfail(strict=True, reason="edges.blend leaves [0, 1] at specks: up to -0.29")
 @pytest.mark.parametrize("fine", [1, 2])
 def test_colours_stay_between_black_and_white(fine):
     """A speck has a jump on every side: antialiasing must not take its colour away twice."""

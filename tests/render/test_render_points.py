@@ -54,9 +54,6 @@ CLOUDS = {
     "discs larger than the image": (ball(5), 3.0, 8),
 }
 VIEW = (31.0, 17.0, 2.2)
-# Where the float32 image, from which the gradient subtracts point by point, costs more than 1e-4.
-ROUGH = {("a dense cloud", True), ("discs larger than the image", False)}
-ROUNDED = pytest.mark.xfail(strict=True, reason="points.RenderPoints keeps its image as float32 for the gradient")
 
 
 @pytest.mark.parametrize("colored", [False, True], ids=["white", "coloured"])
@@ -71,11 +68,7 @@ def test_image_equals_the_twin(name, colored):
 
 @pytest.mark.parametrize(
     ("name", "colored"),
-    [
-        pytest.param(name, colored, marks=ROUNDED if (name, colored) in ROUGH else ())
-        for name in CLOUDS
-        for colored in (False, True)
-    ],
+    [(name, colored) for name in CLOUDS for colored in (False, True)],
 )
 def test_gradient_equals_central_differences_of_the_twin(name, colored):
     """White points on black: alpha blending has a gradient where normalised weights have none."""
@@ -120,10 +113,7 @@ def test_mass_is_kept_while_a_point_smaller_than_a_pixel_moves():
         assert sums[0] == pytest.approx(np.pi / 3 * radius_pixels**2, rel=1e-4)  # the disc's own mass
 
 
-UNSTABLE = pytest.mark.xfail(strict=True, reason="points.draw_points sorts by quicksort: ties in any order")
-
-
-@pytest.mark.parametrize("count", [2, pytest.param(16, marks=UNSTABLE), pytest.param(100, marks=UNSTABLE)])
+@pytest.mark.parametrize("count", [2, 16, 100])
 def test_coincident_points_are_drawn_in_their_own_order(count):
     points, radius = np.full((count, 3), 0.1, np.float32), 0.4
     colors = np.random.default_rng(0).uniform(0, 1, points.shape).astype(np.float32)

@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from mvtn_cli.core.render.compiled import njit
 
 SHARE, SLOPE, X, Y, Z, JUMP = 0, 1, 2, 3, 4, 5
 COLUMNS = 8
@@ -140,9 +141,10 @@ def set_crossing(record, x, y, z, along_x, along_y, along_z, horizontal):
     screen_x, screen_y = along_x - x / z * along_z, along_y - y / z * along_z
     record[X], record[Y], record[Z] = x, y, z
     if horizontal:
-        record[SLOPE] = screen_x / screen_y if screen_y != 0 else STEEP
+        slope = screen_x / screen_y if screen_y != 0 else STEEP
     else:
-        record[SLOPE] = screen_y / screen_x if screen_x != 0 else STEEP
+        slope = screen_y / screen_x if screen_x != 0 else STEEP
+    record[SLOPE] = min(max(slope, -STEEP), STEEP)
 
 
 @njit(cache=True)
@@ -220,6 +222,15 @@ def find_jump(
         x, y = ray_x + middle * step_x, ray_y + middle * step_y
         w_p = plane_inverse_depth(camera, faces, last_p, x, y)
         owner_is_p = w_p >= plane_inverse_depth(camera, faces, last_q, x, y)
+    if first >= 0 and second >= 0 and ended_p != ended_q:
+        # An end that is hidden behind the other surface is not seen: the jump is where the two meet before it.
+        share = share_p if ended_p else share_q
+        x, y = ray_x + share * step_x, ray_y + share * step_y
+        w_p = plane_inverse_depth(camera, faces, last_p, x, y)
+        w_q = plane_inverse_depth(camera, faces, last_q, x, y)
+        if (w_p < w_q) == ended_p:
+            good = cross_planes(records[0], camera, faces, last_p, last_q, ray_x, ray_y, step_x, step_y, horizontal)
+            return INTERSECTION, int(good)
     if owner_is_p:
         records[0, SHARE] = share_p
         return FIRST, int(cross_edge(records[0], camera, ip, jp, ray_x, ray_y, horizontal))
@@ -304,3 +315,8 @@ def blend(records, where, count, supersample, width, out):
             j, i = j + down, i + 1 - down
         for channel in range(3):
             out[channel, j // supersample, i // supersample] -= move * records[n, JUMP + channel] * share_of_pixel
+    # A speck smaller than a sample has a jump on each side, and each takes its share: keep what is left a colour.
+    for channel in range(3):
+        for j in range(out.shape[1]):
+            for i in range(out.shape[2]):
+                out[channel, j, i] = min(max(out[channel, j, i], 0.0), 1.0)

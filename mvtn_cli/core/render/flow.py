@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from mvtn_cli.core.render.compiled import njit
 from mvtn_cli.core.render.edges import JUMP, SHARE, SLOPE, X, Y, Z
 from mvtn_cli.core.render.shade import (
     DIFFUSE,

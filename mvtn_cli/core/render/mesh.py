@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numba import njit, parallel_chunksize, prange
 
 from mvtn_cli.core.render.batch import ShapeBatch
+from mvtn_cli.core.render.compiled import njit, parallel_chunksize, prange
 from mvtn_cli.core.render.edges import COLUMNS
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.shade import geometry_view

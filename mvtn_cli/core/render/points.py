@@ -17,8 +17,8 @@ import math
 
 import numpy as np
 import torch
-from numba import njit, parallel_chunksize, prange
 
+from mvtn_cli.core.render.compiled import njit, parallel_chunksize, prange
 from mvtn_cli.core.render.raster import NEAR
 
 AMPLITUDE = math.pi * 225.0 * 8.0 / (3.0 * 256.0 * 7.0)
@@ -85,7 +85,7 @@ def draw_points(points, colors, rt, focal, radius, background, image):
     height, width = image.shape[1], image.shape[2]
     camera = np.empty(points.shape)
     to_camera(points, rt, camera)
-    order = np.argsort(camera[:, 2])
+    order = np.argsort(camera[:, 2], kind="mergesort")
     left = np.ones((height, width))
     shares_x, shares_y = np.empty((width, 3)), np.empty((height, 3))
     image[:] = 0.0
@@ -141,7 +141,7 @@ def differentiate_points(points, colors, rt, focal, radius, image, weights, out)
     height, width = image.shape[1], image.shape[2]
     camera = np.empty(points.shape)
     to_camera(points, rt, camera)
-    order = np.argsort(camera[:, 2])
+    order = np.argsort(camera[:, 2], kind="mergesort")
     left, behind = np.ones((height, width)), np.zeros((height, width))
     for channel in range(3):
         for j in range(height):
@@ -195,12 +195,12 @@ class RenderPoints(torch.autograd.Function):
         """Draw every (cloud, camera) pair."""
         b, m = rt.shape[:2]
         flat = np.ascontiguousarray(rt.detach().numpy().reshape(-1, 3, 4), np.float64)
-        images = np.empty((b * m, 3, size, size), np.float32)
+        images = np.empty((b * m, 3, size, size))  # float64: backward divides what is left of it
         shape_of = np.repeat(np.arange(b), m)
         with parallel_chunksize(1):
             draw_all(points, colors, flat, shape_of, focal, radius, np.array(background), images)
         ctx.scene = (points, colors, flat, shape_of, focal, radius, images)
-        return torch.from_numpy(images.reshape(b, m, 3, size, size))
+        return torch.from_numpy(images.astype(np.float32).reshape(b, m, 3, size, size))
 
     @staticmethod
     def backward(ctx, grad):

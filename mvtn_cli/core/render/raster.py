@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from mvtn_cli.core.render.compiled import njit
 
 SUBPIXEL = 256
 HALF = SUBPIXEL // 2

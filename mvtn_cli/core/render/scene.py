@@ -61,6 +61,12 @@ def render(
     """
     if gradient not in GRADIENTS:
         raise ValueError(f"gradient must be one of {GRADIENTS}, got {gradient!r}")
+    counts = {"cameras": len(cameras), "colours": len(look.colors)}
+    if look.light_direction is not None:
+        counts["lights"] = len(look.light_direction)
+    for what, count in counts.items():
+        if count != len(batch):
+            raise ValueError(f"{what} are for {count} shapes, the batch has {len(batch)}")
     if gradient == "none":
         cameras = cameras.detach()
     if look.kind == "points":

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from mvtn_cli.core.render.compiled import njit
 from mvtn_cli.core.render.raster import draw_face, project
 
 # Columns of the `material` row that the kernels take.

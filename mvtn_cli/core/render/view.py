@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from mvtn_cli.core.render.compiled import njit
 from mvtn_cli.core.render.edges import COLUMNS, blend, find_edges
 from mvtn_cli.core.render.flow import add_edges, add_following_light, add_interior, reduce_to_camera
 from mvtn_cli.core.render.raster import project

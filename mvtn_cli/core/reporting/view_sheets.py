@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mvtn_cli.core.evaluation.files import write_json
 from mvtn_cli.core.evaluation.pictures import draw_shapes
 from mvtn_cli.core.evaluation.views import standard_angles
+from mvtn_cli.core.render.compiled import announce_compilation
 from mvtn_cli.core.reporting import words
 from mvtn_cli.core.reporting.images import contact_sheet, png
 from mvtn_cli.core.training.checkpoint import write_run_file
@@ -51,6 +52,7 @@ def render_views(prepared: Prepared, config: RenderViewsConfig, console: Console
     Raises:
         DataError: There is no shape in the split.
     """
+    announce_compilation(console)
     indices = chosen_shapes(prepared, config)
     settings = picture_settings(config)
     look = _learned_cameras(config) if _wants_learned(config) else None

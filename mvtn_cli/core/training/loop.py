@@ -14,6 +14,7 @@ from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import build_recogniser
 from mvtn_cli.core.render import Look
+from mvtn_cli.core.render.compiled import announce_compilation
 from mvtn_cli.core.training import judge, learner, schedules, watch
 from mvtn_cli.core.training.device import choose_device, use_threads
 from mvtn_cli.core.training.find import find_or_create_run
@@ -92,6 +93,8 @@ def _train(
     optimisers = learner.build_optimisers(model, config)
     loss_of, *stepping = fabric.setup(learner.Learner(model, config.label_smoothing), *optimisers.values())
     viewpoints = dict(zip(optimisers, stepping, strict=True)).get(learner.VIEWPOINTS)
+
+    announce_compilation(console)
 
     # Where it stands, and what the cameras see before they learn.
     position = restore(run, model, optimisers)

@@ -1,0 +1,38 @@
+"""Compiled kernels are kept between runs, in a folder named after the very source they were made from.
+
+numba notices a change in the file of the function that it is asked for, not in the files of the functions that this one
+calls: with one folder for all versions, an edit of the shading would go on drawing the old shading.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import numba
+import platformdirs
+from numba import njit, parallel_chunksize, prange
+
+from mvtn_cli.console import Console
+
+__all__ = ["announce_compilation", "kernel_folder", "njit", "parallel_chunksize", "prange"]
+
+
+def kernel_folder() -> Path:
+    """`NUMBA_CACHE_DIR`, else a folder of the user's cache that belongs to this version of the sources."""
+    if chosen := os.environ.get("NUMBA_CACHE_DIR"):
+        return Path(chosen)
+    digest = hashlib.blake2b(numba.__version__.encode(), digest_size=8)
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    return Path(platformdirs.user_cache_dir("mvtn")) / "kernels" / digest.hexdigest()
+
+
+def announce_compilation(console: Console) -> None:
+    """Say that the renderer is being compiled, where that is going to happen."""
+    if not any(kernel_folder().rglob("*.nbi")):
+        console.note("compiling the renderer for this machine: half a minute, once")
+
+
+numba.config.CACHE_DIR = str(kernel_folder())  # type: ignore[attr-defined]
