@@ -142,7 +142,7 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     )
     explore: float | None = option(
         None,
-        "Noise on learned views in training, degrees, falling to zero; auto: 45, or half the reach of offset views; 0: none",
+        "Noise on learned views in training, degrees, falling to 0; auto: 45, offset views half their reach",
         "Views",
         ge=0,
         le=180,
