@@ -76,8 +76,8 @@ class PictureConfig(Config):
     image_size: int = option(64, "Width and height of a view, pixels", "Pictures", ge=8, le=1024)
     distance: float = option(2.2, "From camera to shape's centre, shape radii", "Pictures", gt=1, le=100)
     fov: float = option(60.0, "Vertical field of view, degrees", "Pictures", ge=1, le=150)
-    look: Literal["studio", "paper"] = option(
-        "studio", "Background: studio: black; paper: white behind meshes, black behind points", "Pictures"
+    look: Literal["studio", "relief", "paper"] = option(
+        "studio", "Light: studio: soft; relief: steep; paper: as published, white behind meshes", "Pictures"
     )
     render: Literal["auto", "mesh", "points"] = option(
         "auto", "Draw meshes or points; auto: meshes where a shape has one", "Pictures"
@@ -174,7 +174,7 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     epochs: int = option(30, "Passes over the training shapes", "Training", ge=1, le=100_000)
     batch_size: int = option(32, "Shapes a step", "Training", ge=1, le=4096)
     lr: float = option(3e-3, "Highest learning rate of the classifier", "Training", gt=0, le=10)
-    views_lr: float = option(2e-3, "Highest learning rate of the viewpoint network", "Training", ge=0, le=10)
+    views_lr: float = option(5e-4, "Highest learning rate of the viewpoint network", "Training", ge=0, le=10)
     weight_decay: float = option(0.01, "Of AdamW", "Training", ge=0, le=10)
     clip: float = option(30.0, "Largest gradient norm of the viewpoint network in a step", "Training", gt=0)
     label_smoothing: float = option(0.0, "Share of the target given to all classes", "Training", ge=0, lt=1)

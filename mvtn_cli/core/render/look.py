@@ -12,8 +12,13 @@ from mvtn_cli.errors import UsageError
 
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 # (ambient, diffuse, specular, shininess, falloff). `studio` has contrast and no highlight, so the renderer skips that
-# term; `paper` is what the released code inherits from PyTorch3D's defaults.
-MATERIALS = {"studio": (0.1, 0.9, 0.0, 64.0, 2.0), "paper": (0.5, 0.3, 0.2, 64.0, 1.0)}
+# term; `relief` is darker on slopes and tells shallow relief apart; `paper` is what the released code inherits from
+# PyTorch3D's defaults.
+MATERIALS = {
+    "studio": (0.1, 0.9, 0.0, 64.0, 2.0),
+    "relief": (0.1, 0.9, 0.0, 64.0, 4.0),
+    "paper": (0.5, 0.3, 0.2, 64.0, 1.0),
+}
 
 
 class LookSettings(Protocol):
