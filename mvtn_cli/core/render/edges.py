@@ -180,14 +180,13 @@ def cross_planes(record, camera, faces, first, second, ray_x, ray_y, step_x, ste
 
 
 @njit(cache=True)
-def same_surface(camera, faces, first, second, ray_x, ray_y, step_x, step_y):
-    """Whether each plane predicts the other sample's depth: then no walk is needed."""
-    p_here = plane_inverse_depth(camera, faces, first, ray_x, ray_y)
-    q_there = plane_inverse_depth(camera, faces, second, ray_x + step_x, ray_y + step_y)
+def same_surface(camera, faces, first, second, p_here, q_there, ray_x, ray_y, step_x, step_y):
+    """Whether each plane predicts the 1/z of the other sample: then no walk is needed."""
     bound = CONTINUOUS * (p_here + q_there)
     p_there = plane_inverse_depth(camera, faces, first, ray_x + step_x, ray_y + step_y)
-    q_here = plane_inverse_depth(camera, faces, second, ray_x, ray_y)
-    return abs(p_there - q_there) < bound and abs(p_here - q_here) < bound
+    if not abs(p_there - q_there) < bound:
+        return False
+    return abs(p_here - plane_inverse_depth(camera, faces, second, ray_x, ray_y)) < bound
 
 
 @njit(cache=True)
@@ -245,11 +244,15 @@ def find_jump(
 
 
 @njit(cache=True)
-def find_edges(camera, faces, face_edges, edge_starts, edge_faces, ids, image, focal, records, where, breaks):
+def find_edges(
+    camera, faces, face_edges, edge_starts, edge_faces, ids, inverse_depth, image, focal, records, where, breaks
+):
     """Find every jump between neighbouring samples of one view.
 
     Args:
-        ids: (H, W) face ids. image: (H, W, 3) colours at the sample centres.
+        ids: (H, W) face ids.
+        inverse_depth: (H, W) 1/z.
+        image: (H, W, 3) colours at the sample centres.
         records: (cap, COLUMNS) float32, filled.
         where: (cap,) int32, filled with 2 * sample + direction (0 right, 1 down).
         breaks: (H, W, 2) uint8, filled: whether the step to the right and the step down cross a jump.
@@ -260,10 +263,10 @@ def find_edges(camera, faces, face_edges, edge_starts, edge_faces, ids, image, f
     height, width = ids.shape
     found = np.empty((2, COLUMNS))
     count = 0
+    breaks[:] = 0
     for j in range(height):
         for i in range(width):
             first = ids[j, i]
-            breaks[j, i, 0] = breaks[j, i, 1] = 0
             for down in range(2):
                 i2, j2 = i + 1 - down, j + down
                 if i2 >= width or j2 >= height or ids[j2, i2] == first:
@@ -274,8 +277,11 @@ def find_edges(camera, faces, face_edges, edge_starts, edge_faces, ids, image, f
                 if (
                     first >= 0
                     and second >= 0
-                    and same_surface(camera, faces, first, second, ray_x, ray_y, step_x, step_y)
-                ):
+                    and same_surface(
+                        camera, faces, first, second, inverse_depth[j, i], inverse_depth[j2, i2], ray_x, ray_y,
+                        step_x, step_y,
+                    )
+                ):  # fmt: skip
                     continue
                 kind, number = find_jump(
                     camera, faces, face_edges, edge_starts, edge_faces, first, second, ray_x, ray_y, step_x, step_y,

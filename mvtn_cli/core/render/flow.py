@@ -29,6 +29,7 @@ from mvtn_cli.core.render.shade import (
     corner_normals,
     face_frame,
     normal_at,
+    power,
 )
 
 
@@ -168,7 +169,7 @@ def add_following_light(
                     value *= w0 * colors[a, channel] + w1 * colors[b, channel] + w2 * colors[c, channel]
                 by_albedo += weight * value
                 by_white += weight
-            steepness = material[FALLOFF] * cosine ** (material[FALLOFF] - 1.0)
+            steepness = material[FALLOFF] * power(cosine, material[FALLOFF] - 1.0)
             g_cosine, g_mirror, facing, length = by_albedo * material[DIFFUSE] * steepness, 0.0, 0.0, 1.0
             if material[SPECULAR] > 0.0:
                 for axis in range(3):
@@ -179,8 +180,8 @@ def add_following_light(
                 facing = nx * view[0] + ny * view[1] + nz * view[2]
                 mirrored = 2.0 * cosine * facing - (towards[0] * view[0] + towards[1] * view[1] + towards[2] * view[2])
                 if mirrored > 0.0:
-                    power = material[SHININESS]
-                    g_mirror = by_white * material[SPECULAR] * power * mirrored ** (power - 1.0)
+                    shininess = material[SHININESS]
+                    g_mirror = by_white * material[SPECULAR] * shininess * power(mirrored, shininess - 1.0)
             by_light[0] += (g_cosine + 2.0 * facing * g_mirror) * nx - g_mirror * view[0]
             by_light[1] += (g_cosine + 2.0 * facing * g_mirror) * ny - g_mirror * view[1]
             by_light[2] += (g_cosine + 2.0 * facing * g_mirror) * nz - g_mirror * view[2]

@@ -107,6 +107,10 @@ def focal_pixels(image_size: int, fov_deg: float) -> float:
     return image_size / 2 / math.tan(math.radians(fov_deg) / 2)
 
 
+# Silhouette crossings that there is room for, per row of samples; a view with more is drawn again with enough.
+ROOM = 32
+
+
 @dataclass(frozen=True)
 class Buffers:
     """What the forward pass keeps for `edge-flow`: about 30 bytes a sample, and 36 a silhouette crossing."""
@@ -170,7 +174,7 @@ class MeshScene:
             np.empty((count, side, side, 3), np.float32),
             np.empty((count, side, side, 2), np.uint8),
         )
-        room = 8 * side
+        room = ROOM * side
         while True:
             records = np.empty((count, room, COLUMNS), np.float32)
             where, counts = np.empty((count, room), np.int32), np.empty(count, np.int64)

@@ -10,15 +10,20 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mvtn_cli.core.render.compiled import njit
 
 SUBPIXEL = 256
 HALF = SUBPIXEL // 2
 # Screen coordinates are held within ±LIMIT, so that products of two differences fit in 64 bits.
 LIMIT = 2.0**30
+BEHIND = -(2**31)
 # A newcomer must be nearer by this relative amount: coplanar faces resolve by face id, without speckle.
 DEPTH_MARGIN = 1.0 + 5e-7
 NEAR = 0.01
+# Up to this many columns each sample is tested; beyond, the span of each row is found by exact division.
+SMALL = 5
 
 
 @njit(cache=True)
@@ -30,7 +35,7 @@ def snap(value):
 
 @njit(cache=True)
 def project(vertices, rt, focal, height, width, camera, screen):
-    """Fill `camera` (V,3) and, where the vertex is in front of the near plane, `screen` (V,2).
+    """Fill `camera` (V,3) and `screen` (V,2) int32; x is BEHIND where the vertex is not in front of the near plane.
 
     A non-finite vertex fails `z > NEAR` and so counts as behind the camera.
     """
@@ -43,6 +48,8 @@ def project(vertices, rt, focal, height, width, camera, screen):
         if ahead > NEAR:
             screen[i, 0] = snap(right * focal / ahead + width * 0.5)
             screen[i, 1] = snap(down * focal / ahead + height * 0.5)
+        else:
+            screen[i, 0] = BEHIND
 
 
 @njit(cache=True)
@@ -55,6 +62,31 @@ def narrow(edge, slope, low, high):
     elif edge < 0:
         high = low - 1
     return low, high
+
+
+@njit(cache=True)
+def fill_small(
+    edge_a, edge_b, edge_c, right_a, right_b, right_c, down_a, down_b, down_c, left, right, top, bottom, plane_i,
+    plane_j, plane_0, nearest, farthest, face, ids, inverse_depth,
+):  # fmt: skip
+    """Test every sample of a small box; the edge functions are given at column 0 of row `top`, with their steps."""
+    edge_a += right_a * left
+    edge_b += right_b * left
+    edge_c += right_c * left
+    for j in range(top, bottom + 1):
+        a, b, c = edge_a, edge_b, edge_c
+        for i in range(left, right + 1):
+            if (a | b | c) >= 0:
+                w = min(max(plane_i * i + plane_j * j + plane_0, farthest), nearest)
+                if w > inverse_depth[j, i] * DEPTH_MARGIN:
+                    inverse_depth[j, i] = w
+                    ids[j, i] = face
+            a += right_a
+            b += right_b
+            c += right_c
+        edge_a += down_a
+        edge_b += down_b
+        edge_c += down_c
 
 
 @njit(cache=True)
@@ -85,6 +117,13 @@ def fill(x0, y0, x1, y1, x2, y2, plane_i, plane_j, plane_0, nearest, farthest, f
     edge_a = ax * (row_y - y0) - ay * (HALF - x0) + bias_a
     edge_b = bx * (row_y - y1) - by * (HALF - x1) + bias_b
     edge_c = cx * (row_y - y2) - cy * (HALF - x2) + bias_c
+    if right - left < SMALL:
+        fill_small(
+            edge_a, edge_b, edge_c, -ay * SUBPIXEL, -by * SUBPIXEL, -cy * SUBPIXEL, ax * SUBPIXEL, bx * SUBPIXEL,
+            cx * SUBPIXEL, left, right, top, bottom, plane_i, plane_j, plane_0, nearest, farthest, face, ids,
+            inverse_depth,
+        )  # fmt: skip
+        return
     for j in range(top, bottom + 1):
         first, last = narrow(edge_a, -ay * SUBPIXEL, left, right)
         first, last = narrow(edge_b, -by * SUBPIXEL, first, last)
@@ -118,18 +157,19 @@ def draw_face(face, faces, camera, screen, focal, ids, inverse_depth, polygon):
     """Draw one face; `polygon` (4,2) int64 is scratch for a face that straddles the near plane."""
     height, width = ids.shape
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    za, zb, zc = camera[a, 2], camera[b, 2], camera[c, 2]
-    in_front = int(za > NEAR) + int(zb > NEAR) + int(zc > NEAR)
-    if in_front == 0:
-        return
-    if in_front == 3:
+    xa, xb, xc = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
+    ya, yb, yc = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
+    low = min(xa, xb, xc)
+    all_in_front = low != BEHIND
+    if all_in_front:
         # Most faces of a dense mesh cover no sample centre: leave before any plane is computed.
-        xa, xb, xc = screen[a, 0], screen[b, 0], screen[c, 0]
-        if max(0, (min(xa, xb, xc) + HALF - 1) >> 8) > min(width - 1, (max(xa, xb, xc) - HALF) >> 8):
+        if max(0, (low + HALF - 1) >> 8) > min(width - 1, (max(xa, xb, xc) - HALF) >> 8):
             return
-        ya, yb, yc = screen[a, 1], screen[b, 1], screen[c, 1]
         if max(0, (min(ya, yb, yc) + HALF - 1) >> 8) > min(height - 1, (max(ya, yb, yc) - HALF) >> 8):
             return
+    elif xa == BEHIND and xb == BEHIND and xc == BEHIND:
+        return
+    za, zb, zc = camera[a, 2], camera[b, 2], camera[c, 2]
     ux, uy, uz = camera[b, 0] - camera[a, 0], camera[b, 1] - camera[a, 1], zb - za
     vx, vy, vz = camera[c, 0] - camera[a, 0], camera[c, 1] - camera[a, 1], zc - za
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -139,7 +179,7 @@ def draw_face(face, faces, camera, screen, focal, ids, inverse_depth, polygon):
     plane_i, plane_j = nx / (offset * focal), ny / (offset * focal)
     plane_0 = nz / offset + plane_i * (0.5 - width * 0.5) + plane_j * (0.5 - height * 0.5)
     farthest = 1.0 / max(za, zb, zc)
-    if in_front == 3:
+    if all_in_front:
         nearest = 1.0 / min(za, zb, zc)
         fill(xa, ya, xb, yb, xc, yc, plane_i, plane_j, plane_0, nearest, farthest, face, ids, inverse_depth)
         return

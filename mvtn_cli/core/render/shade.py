@@ -42,12 +42,13 @@ def barycentric(frame, volume, ray_x, ray_y):
     total = w0 + w1 + w2
     if total <= 0.0:
         return 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
-    return w0 / total, w1 / total, w2 / total
+    scale = 1.0 / total
+    return w0 * scale, w1 * scale, w2 * scale
 
 
 @njit(cache=True)
 def corner_normals(vertices, normals, a, b, c, volume, smooth, corners):
-    """Fill `corners` (4,3): the face's own normal in row 3, in rows 0..2 those of its corners, all towards the eye.
+    """Fill `corners` (4,3): the face's own normal (any length) in row 3, above those of its corners, all to the eye.
 
     The eye sees the front of a face exactly when the signed volume (eye, face) is negative. A corner normal that
     disagrees with its face is turned, so that meshes wound both ways are lit alike.
@@ -55,9 +56,8 @@ def corner_normals(vertices, normals, a, b, c, volume, smooth, corners):
     ux, uy, uz = vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1], vertices[b, 2] - vertices[a, 2]
     vx, vy, vz = vertices[c, 0] - vertices[a, 0], vertices[c, 1] - vertices[a, 1], vertices[c, 2] - vertices[a, 2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    scale = (1.0 if volume < 0 else -1.0) / length if length > 0 else 0.0
-    nx, ny, nz = nx * scale, ny * scale, nz * scale
+    if volume >= 0:
+        nx, ny, nz = -nx, -ny, -nz
     corners[3, 0], corners[3, 1], corners[3, 2] = nx, ny, nz
     if not smooth:
         return
@@ -79,7 +79,25 @@ def normal_at(corners, smooth, w0, w1, w2):
         if square > 1e-8:
             scale = 1.0 / math.sqrt(square)
             return nx * scale, ny * scale, nz * scale
-    return corners[3, 0], corners[3, 1], corners[3, 2]
+    nx, ny, nz = corners[3, 0], corners[3, 1], corners[3, 2]
+    square = nx * nx + ny * ny + nz * nz
+    scale = 1.0 / math.sqrt(square) if square > 0.0 else 0.0
+    return nx * scale, ny * scale, nz * scale
+
+
+@njit(cache=True)
+def power(base, exponent):
+    """base^exponent for base > 0; by squaring where the exponent is whole, which it nearly always is."""
+    whole = int(exponent)
+    if whole != exponent or whole > 1024:
+        return base**exponent
+    result = 1.0
+    while whole > 0:
+        if whole & 1:
+            result *= base
+        base *= base
+        whole >>= 1
+    return result
 
 
 @njit(cache=True)
@@ -92,8 +110,8 @@ def lambert_and_highlight(nx, ny, nz, vx, vy, vz, lx, ly, lz, material):
     if material[SPECULAR] > 0.0:
         mirrored = 2.0 * cosine * (nx * vx + ny * vy + nz * vz) - (lx * vx + ly * vy + lz * vz)
         if mirrored > 0.0:
-            highlight = material[SPECULAR] * mirrored ** material[SHININESS]
-    fallen = cosine if material[FALLOFF] == 1.0 else cosine ** material[FALLOFF]
+            highlight = material[SPECULAR] * power(mirrored, material[SHININESS])
+    fallen = power(cosine, material[FALLOFF])
     return material[AMBIENT] + material[DIFFUSE] * fallen, highlight
 
 
@@ -118,7 +136,7 @@ def sample_colour(vertices, colors, a, b, c, w0, w1, w2, n, eye, light, albedo, 
 @njit(cache=True)
 def visible_faces(vertices, faces, rt, focal, camera, ids, inverse_depth):
     """Fill the visibility buffer of one view: face ids (H,W) int32, -1 for background; 1/z (H,W); `camera` (V,3)."""
-    screen = np.empty((vertices.shape[0], 2), np.int64)
+    screen = np.empty((vertices.shape[0], 2), np.int32)
     polygon = np.empty((4, 2), np.int64)
     height, width = ids.shape
     ids[:] = -1

@@ -28,7 +28,9 @@ def draw_view(
     shade_samples(
         vertices, normals, colors, faces, camera, ids, focal, smooth, eye, towards, albedo, material, background, image
     )
-    count = find_edges(camera, faces, face_edges, edge_starts, edge_faces, ids, image, focal, records, where, breaks)
+    count = find_edges(
+        camera, faces, face_edges, edge_starts, edge_faces, ids, inverse_depth, image, focal, records, where, breaks
+    )
     average(image, supersample, out)
     blend(records, where, min(count, records.shape[0]), supersample, image.shape[1], out)
     return count
@@ -43,7 +45,7 @@ def draw_view_alone(
     height, width = out.shape[1] * supersample, out.shape[2] * supersample
     ids, inverse_depth = np.empty((height, width), np.int32), np.empty((height, width))
     image, breaks = np.empty((height, width, 3), np.float32), np.empty((height, width, 2), np.uint8)
-    room = 8 * (height + width)
+    room = 32 * height
     while True:
         records, where = np.empty((room, COLUMNS), np.float32), np.empty(room, np.int32)
         count = draw_view(
@@ -66,7 +68,7 @@ def differentiate_view(
     add_interior(ids, inverse_depth, image, breaks, weights, supersample, focal, moments)
     add_edges(records, where, count, weights, supersample, focal, height, width, moments)
     if headlight or material[SPECULAR] > 0.0:
-        camera, screen = np.empty((vertices.shape[0], 3)), np.empty((vertices.shape[0], 2), np.int64)
+        camera, screen = np.empty((vertices.shape[0], 3)), np.empty((vertices.shape[0], 2), np.int32)
         eye, towards = np.empty(3), np.empty(3)
         project(vertices, rt, focal, height, width, camera, screen)
         eye_and_light(rt, light, headlight, eye, towards)
