@@ -38,6 +38,7 @@ COMMANDS = {
     "eval": Door("evaluate", "Use", "Measure a trained classifier and write its report."),
     "render-views": Door("render_views", "Use", "Draw the views of shapes as contact sheets."),
     "predict": Door("predict", "Use", "Name the class of each file."),
+    "bench": Door("bench", "Look after", "Measure the renderer: error against run time."),
     "cache": Door("cache", "Look after", "Show or clear the stored shapes."),
     "doctor": Door("doctor", "Look after", "Say what this machine can do, what not, and the fix."),
 }
@@ -48,6 +49,9 @@ MACHINE_ERRORS = {  # what an operating system refuses that is nobody's bug
     errno.EDQUOT: "make room: mvtn cache clear, or another --cache or --runs",
     errno.EACCES: "give a folder of your own: --cache, --runs or --out",
     errno.EPERM: "give a folder of your own: --cache, --runs or --out",
+    errno.ENOTDIR: "a file is in the way: give another folder with --cache, --runs or --out",
+    errno.EEXIST: "a file is in the way: give another folder with --cache, --runs or --out",
+    errno.ENAMETOOLONG: "give a shorter name or folder: --name, --cache, --runs or --out",
     errno.EROFS: "give a folder that can be written: --cache, --runs or --out",
 }
 

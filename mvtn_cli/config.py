@@ -11,6 +11,7 @@ from typing import Any, Literal, Self, get_args
 
 from pydantic import model_validator
 
+from mvtn_cli.bench_config import BenchConfig
 from mvtn_cli.errors import UsageError, choose_error
 from mvtn_cli.fields import Angles, Config, Supersample, option
 
@@ -150,11 +151,11 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     azimuth: float = option(0.0, "Of the first view, degrees", "Views", ge=-360, le=360)
     elevation: float = option(30.0, "Of a circle or a single view, degrees", "Views", ge=-90, le=90)
 
-    color: Literal["random", "white"] = option(
-        "random", "Colour of shapes without own colours in training; evaluation is white", "Pictures"
+    color: Literal["mixed", "random", "white"] = option(
+        "mixed", "Colour in training: half of the shapes, all, or none coloured; evaluation is white", "Pictures"
     )
-    light: Literal["random", "headlight"] = option(
-        "random", "Light direction in training; evaluation has a headlight", "Pictures"
+    light: Literal["mixed", "random", "headlight"] = option(
+        "mixed", "Light in training: half of the shapes, all, or none from aside; evaluation: headlight", "Pictures"
     )
     gradient: Literal["edge-flow", "fd", "none"] = option(
         "edge-flow",
@@ -342,6 +343,7 @@ MODELS: dict[str, type[Config]] = {
     "eval": EvalConfig,
     "render-views": RenderViewsConfig,
     "predict": PredictConfig,
+    "bench": BenchConfig,
     "cache": CacheConfig,
     "doctor": DoctorConfig,
 }

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-OWN = ("metavar", "short", "argument", "also", "words")
+OWN = ("metavar", "short", "argument", "many", "also", "words")
 
 
 def option(default: Any, description: str, panel: str, **more: Any) -> Any:
@@ -17,8 +17,8 @@ def option(default: Any, description: str, panel: str, **more: Any) -> Any:
         description: The help text.
         panel: Under which heading `--help` shows it.
         more: Limits for pydantic (`ge`, `le`, `gt`, `lt`, `pattern`), or for the command line `metavar`,
-            `short`, `argument` (positional; "many" takes several), `also` (further words that the field
-            takes) and `words` (says what a pattern allows).
+            `short`, `argument` (positional; "many" takes several), `many` (an option that may be repeated), `also`
+            (further words that the field takes) and `words` (says what a pattern allows).
     """
     own: dict[str, Any] = {"panel": panel}
     own |= {key: more.pop(key) for key in OWN if key in more}
@@ -29,7 +29,8 @@ def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, str) and value.strip().isdecimal() else value
 
 
-def _several(value: Any) -> Any:
+def several(value: Any) -> Any:
+    """Read a comma-separated text, or one number, as a list."""
     if isinstance(value, str):
         return [part.strip() for part in value.split(",")]
     return [value] if isinstance(value, int | float) else value
@@ -37,7 +38,7 @@ def _several(value: Any) -> Any:
 
 Supersample = Annotated[Literal[1, 2, 4], BeforeValidator(_whole)]
 Degrees = Annotated[float, Field(ge=-360, le=360)]
-Angles = Annotated[tuple[Degrees, ...], BeforeValidator(_several), Field(min_length=1, max_length=100)]
+Angles = Annotated[tuple[Degrees, ...], BeforeValidator(several), Field(min_length=1, max_length=100)]
 
 
 class Config(BaseModel):

@@ -121,7 +121,8 @@ def _parameter(name: str, info: FieldInfo, choices: list[str]) -> inspect.Parame
     shown["metavar"] = extra.get("metavar") or short_choices or ("NAME" if choices else _metavar(info))
     if choices:
         shown["autocompletion"] = _completion(choices)
-    return _keyword(name, typer.Option(None, option_name(name), *_short(extra), **shown), str | None)
+    annotation = list[str] | None if extra.get("many") else str | None
+    return _keyword(name, typer.Option(None, option_name(name), *_short(extra), **shown), annotation)
 
 
 def _general(*, dry_run: bool) -> Iterator[inspect.Parameter]:

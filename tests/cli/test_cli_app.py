@@ -190,6 +190,9 @@ def test_a_bug_is_one_line_and_a_traceback_only_with_debug(mvtn: Mvtn, fake_comm
     ("error", "words"),
     [
         (PermissionError(errno.EACCES, "Permission denied", "/root/x"), "/root/x: Permission denied"),
+        (NotADirectoryError(errno.ENOTDIR, "Not a directory", "file/run"), "file/run: Not a directory"),
+        (FileExistsError(errno.EEXIST, "File exists", "runs"), "runs: File exists"),
+        (OSError(errno.ENAMETOOLONG, "File name too long", "xxx"), "xxx: File name too long"),
         (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
         (RuntimeError("CUDA out of memory. Tried to allocate"), "out of memory"),
         (MemoryError(), "out of memory"),

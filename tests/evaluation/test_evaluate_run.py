@@ -13,6 +13,7 @@ from mvtn_cli.console import Console
 from mvtn_cli.core.evaluation.evaluate import evaluate_run, judge, mistakes, results_folder, write_tables
 from mvtn_cli.core.evaluation.files import read_csv
 from mvtn_cli.core.networks.recogniser import build_recogniser
+from mvtn_cli.core.preprocess import Settings
 from mvtn_cli.core.store import StoredShape
 from mvtn_cli.core.training.checkpoint import write_weights
 from mvtn_cli.core.training.run import Run
@@ -98,6 +99,7 @@ def toy(classes: tuple[str, ...] = ("flat", "tall")) -> SimpleNamespace:
     ]
     return SimpleNamespace(
         spec="toy", title="two kinds of pyramids", classes=classes, known_view=False, address="abc",
+        settings=Settings(max_vertices=100, num_points=32, seed=0),
         records=records,
         load=lambda i: shape(records[i].label, i),
         split=lambda name: [i for i, record in enumerate(records) if record.split == name],
@@ -141,8 +143,9 @@ def test_an_evaluation_does_not_depend_on_the_batch_and_val_goes_beside(run):
 
 
 def test_other_classes_and_empty_splits_are_refused(run):
-    with pytest.raises(UsageError, match=r"knows the classes flat, tall \(2\), and toy has x, y \(2\)"):
+    with pytest.raises(UsageError, match=r"knows the classes flat, tall \(2\), and toy has x, y \(2\)") as refused:
         evaluate_run(run, toy(("x", "y")), EvalConfig(device="cpu"), Console(quiet=True))
+    assert refused.value.hint == "train on it: mvtn train toy; or ask for the classes of single files: mvtn predict"
     empty = toy()
     empty.split = lambda name: []
     with pytest.raises(DataError, match="no labelled shapes for split 'test' in toy"):

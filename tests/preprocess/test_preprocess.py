@@ -54,7 +54,8 @@ def test_a_stored_shape_is_normalised_and_can_be_taken_back_to_file_units(tmp_pa
         shape, original = prepared.load(index), dataset.items[index].read()
         assert np.abs(np.linalg.norm(shape.vertices, axis=1).max() - 1) < 1e-6
         assert np.abs(shape.vertices.max(axis=0) + shape.vertices.min(axis=0)).max() < 1e-6
-        assert np.allclose(shape.vertices * shape.radius + shape.center, original.vertices, atol=1e-5)
+        triangles = shape.vertices[shape.faces] * shape.radius + shape.center
+        assert np.allclose(triangles, original.vertices[original.faces], atol=1e-5)
         assert np.allclose(np.linalg.norm(shape.normals, axis=1), 1, atol=1e-5)
         assert shape.points.shape == (32, 3)
         assert shape.points.dtype == shape.vertices.dtype == np.float32
@@ -233,6 +234,18 @@ class Explode(ReadBox):
         return super().__call__()
 
 
+def test_the_reason_names_the_line_and_a_set_of_bad_files_alone_is_called_that(tmp_path):
+    (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 x\n3 0 1 2\n")
+    err = io.StringIO()
+    config = PreprocessConfig(cache=tmp_path / "cache", workers=1)
+    for _ in range(2):
+        _, summary = preprocess(open_dataset(str(tmp_path / "bad.off")), config, Console(out=io.StringIO(), err=err))
+        assert [found["finding"] for found in summary.findings] == [
+            "unreadable: line 5: 'x' is not a number; expected a vertex"
+        ]
+    assert err.getvalue() == "not one shape can be used: 1 rejected\n" * 2
+
+
 def test_a_bug_in_a_reader_costs_one_file(tmp_path):
     prepared, summary = prepare(
         toys(3, tmp_path / "log", read=Explode), SETTINGS, Store(tmp_path / "s"), QUIET, workers=1
@@ -268,6 +281,7 @@ def test_a_simplified_mesh_is_reported_with_its_error_the_second_time_too(tmp_pa
         (row,) = summary.simplifications
         assert (summary.kept, summary.simplified, summary.reused) == (1, 1, reused)
         assert row["name"] == "bathtub_0003"
-        assert row["vertices_before"] > 2000 >= row["vertices_after"] == len(prepared.load(0).vertices)
+        places = np.unique(prepared.load(0).vertices, axis=0)  # at a crease there are several vertices at one place
+        assert row["vertices_before"] > 2000 >= row["vertices_after"] == len(places)
         assert 0 < row["error_percent"] < 5
         assert row["seconds"] > 0

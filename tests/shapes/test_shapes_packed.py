@@ -139,6 +139,22 @@ def test_a_broken_stl_is_refused(tmp_path: Path, content: bytes, wanted: str) ->
     assert wanted in caught.value.message
 
 
+@pytest.mark.parametrize(
+    ("content", "wanted"),
+    [
+        (b"glTF\2\0\0", "has 7 bytes; expected a header of 20 (truncated?)"),
+        (b"glTF" + struct.pack("<IIII", 2, 99, 40, 0) + b"{}", "declares 99 bytes but has 22 (truncated?)"),
+        (b"%PDF" + b"\0" * 40, "is not a binary glTF file (it looks like a PDF document)"),
+    ],
+)
+def test_a_broken_glb_is_refused(tmp_path: Path, content: bytes, wanted: str) -> None:
+    path = tmp_path / "bad.glb"
+    path.write_bytes(content)
+    with pytest.raises(DataError) as caught:
+        read_shape(path)
+    assert caught.value.message == f"{path}: {wanted}"
+
+
 def test_a_gltf_scene_puts_each_instance_at_its_place_and_keeps_vertex_colours(tmp_path: Path) -> None:
     box = trimesh.creation.box()
     box.visual.vertex_colors = np.tile([255, 0, 51, 255], (8, 1)).astype(np.uint8)

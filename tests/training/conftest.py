@@ -14,6 +14,7 @@ import torch
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
+from mvtn_cli.core.preprocess import Settings
 from mvtn_cli.core.store import StoredShape
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
@@ -44,6 +45,7 @@ class ToyPrepared:
     title: str = "boxes"
     classes: tuple[str, ...] = CLASSES
     known_view: bool = False
+    settings: Settings = Settings(max_vertices=1000, num_points=64, seed=0)
     shapes: list[StoredShape] = field(default_factory=list)
 
     def load(self, index: int) -> StoredShape:

@@ -20,6 +20,7 @@ from mvtn_cli.core.networks import recogniser
 from mvtn_cli.core.networks.recogniser import build_recogniser
 from mvtn_cli.core.training import learner, loop
 from mvtn_cli.core.training.checkpoint import read_weights
+from mvtn_cli.core.training.find import dataset_word
 from mvtn_cli.core.training.loop import train
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.errors import Interrupted, MvtnError, UsageError
@@ -222,7 +223,10 @@ def test_a_signal_finishes_the_step_saves_and_says_how_to_go_on(number, settings
     before = signal.getsignal(number)
     with pytest.raises(Interrupted, match="epoch 2 after step 1 of 2") as stopped:
         train(settings(), boxes, quiet, stop=interrupt)
-    assert "go on with the same command" in stopped.value.hint and stopped.value.exit_code == 130
+    assert stopped.value.exit_code == 130
+    folder = settings().runs  # is not in config.toml, so that the command has to name it
+    command = f"mvtn train --config {folder}/boxes-learned-spherical-2v-s0/config.toml --runs {folder}"
+    assert stopped.value.hint == f"go on with the same command, or: {command}"
     assert signal.getsignal(number) is before
     assert len(train(settings(), boxes, quiet).metrics()) == 2
 
@@ -346,6 +350,20 @@ def test_a_finished_run_is_left_alone_and_a_new_one_begun(settings, boxes, quiet
     assert (first.name, second.name) == ("boxes-learned-spherical-2v-s0", "boxes-learned-spherical-2v-s0-2")
     assert {path: path.stat().st_mtime_ns for path in first.path.iterdir()} == before
     assert same(weights_of(first), weights_of(second))
+
+
+@pytest.mark.parametrize(
+    ("spec", "word"),
+    [
+        ("builtin:shapes?train=9", "shapes"),
+        ("folder:/data/Größere Möbel", "grössere-möbel"),
+        ("/data/o\u0308l_lampen", "öl-lampen"),  # as macOS spells it
+        ("/data/части", "части"),
+        ("/data/...", "data"),
+    ],
+)
+def test_a_run_is_named_after_its_data_set_in_any_language(spec: str, word: str):
+    assert dataset_word(spec) == word
 
 
 def test_other_settings_begin_another_run_beside_an_unfinished_one(settings, boxes, quiet):

@@ -86,6 +86,17 @@ def test_weights_that_are_not_there_are_a_clear_error(settings, boxes, quiet, tm
         predict(build_recogniser(settings(), 4), boxes, [], settings(), batch_size=4)
 
 
+@pytest.mark.parametrize("file", ["run.json", "config.toml", "last.safetensors"])
+def test_half_a_file_of_a_run_is_named_with_what_to_do(file, settings, boxes, quiet):
+    run = train(settings(epochs=1), boxes, quiet)
+    content = (run.path / file).read_bytes()
+    (run.path / file).write_bytes(content[: len(content) // 2])
+    with pytest.raises(DataError, match="^can't read .*") as broken:
+        load_model(run, "last")
+    assert str(run.path / file) in broken.value.message and "\n" not in broken.value.message
+    assert broken.value.hint
+
+
 def test_a_device_that_is_not_there_is_a_usage_error(settings, boxes, quiet):
     run = train(settings(epochs=1), boxes, quiet)
     with pytest.raises(UsageError, match="cuda:99"):

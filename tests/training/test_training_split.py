@@ -99,3 +99,11 @@ def test_the_randomness_of_a_step_is_its_own():
     seeds = {step_seed(s, e, t) for s in range(10) for e in range(10) for t in range(10)}
     assert len(seeds) == 1000
     assert step_generator(1, 2, 3).initial_seed() == step_generator(1, 2, 3).initial_seed() in seeds
+
+
+@pytest.mark.parametrize(("classes", "words"), [((), "has no classes"), (("mug",), "has the single class mug")])
+def test_one_class_or_none_is_nothing_to_tell_apart(classes, words, boxes, settings):
+    boxes.classes = classes
+    with pytest.raises(DataError, match=words) as refused:
+        training_indices(settings(), boxes)
+    assert "CLASS/file" in refused.value.hint

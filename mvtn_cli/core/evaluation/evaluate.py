@@ -6,6 +6,7 @@ import io
 import platform
 import time
 from collections.abc import Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -239,7 +240,6 @@ def start_views(model: Recogniser) -> tuple[NDArray[Any], NDArray[Any]] | None:
 def provenance(run: Run, prepared: Prepared, config: EvalConfig) -> dict[str, Any]:
     """What is needed to get the same numbers again."""
     import torch
-    import torchvision
 
     return {
         "selection": run.config.views,
@@ -250,7 +250,7 @@ def provenance(run: Run, prepared: Prepared, config: EvalConfig) -> dict[str, An
             "mvtn": __version__,
             "python": platform.python_version(),
             "torch": torch.__version__,
-            "torchvision": torchvision.__version__,
+            "torchvision": metadata.version("torchvision"),
             "numpy": np.__version__,
         },
         "batch_size": config.batch_size,
@@ -261,7 +261,7 @@ def _check_classes(run: Run, prepared: Prepared) -> None:
     if tuple(prepared.classes) != run.classes:
         raise UsageError(
             f"run {run.name} knows the classes {_some(run.classes)}, and {prepared.spec} has {_some(prepared.classes)}",
-            hint=f"evaluate it on its own data set: {run.info['dataset']}",
+            hint=f"train on it: mvtn train {prepared.spec}; or ask for the classes of single files: mvtn predict",
             code="run.other-classes",
         )
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlparse
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torchvision import models
 
 from mvtn_cli.core.networks.weights import load_strictly, read_weights
 from mvtn_cli.errors import MvtnError, UsageError, choose_error
+
+if TYPE_CHECKING:
+    from torchvision.models import WeightsEnum
 
 IMAGENET_MEAN, IMAGENET_DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 # pictures in [0, 1] brought to about unit deviation, for networks that start from nothing
@@ -25,6 +28,7 @@ AUXILIARY = ("aux1.", "aux2.", "AuxLogits.")  # training heads of GoogLeNet and 
 
 def backbone_names() -> list[str]:
     """All names that `build_backbone` takes."""
+    models = _torchvision_models()
     return ["tiny", *models.list_models(module=models)]
 
 
@@ -46,10 +50,10 @@ def build_backbone(name: str, weights: str = "none", *, read: bool = True) -> tu
         DataError: The file can't be read or does not fit.
         MvtnError: The download failed.
     """
-    if name not in (names := backbone_names()):
-        raise choose_error("backbone", name, names)
     if name == "tiny":
         return _tiny(weights, read)
+    if name not in (names := backbone_names()):
+        raise choose_error("backbone", name, names)
     body, head_name, dimension = torchvision_body(name, pretrained=weights != "none")
     if weights != "none" and read:
         state = _imagenet(name) if weights == "imagenet" else read_weights(Path(weights))
@@ -139,7 +143,7 @@ def torchvision_body(name: str, *, pretrained: bool = False) -> tuple[nn.Module,
     options: dict[str, Any] = {}
     if name in ("googlenet", "inception_v3"):
         options = {"aux_logits": False, "init_weights": False, "transform_input": pretrained}
-    network: nn.Module = models.get_model(name, weights=None, **options)
+    network: nn.Module = _torchvision_models().get_model(name, weights=None, **options)
     # all of them register the head last; squeezenets have a 1x1 convolution there
     head_name, head = [
         (path, layer) for path, layer in network.named_modules() if isinstance(layer, nn.Linear | nn.Conv2d)
@@ -164,8 +168,15 @@ def _imagenet(name: str) -> dict[str, Tensor]:
         ) from error
 
 
-def imagenet_weights(name: str) -> models.WeightsEnum:
+def imagenet_weights(name: str) -> WeightsEnum:
     """The ImageNet weights of a network for pictures of its usual size (others need 384..518 pixels)."""
-    known = models.get_model_weights(name).__members__
-    chosen: models.WeightsEnum = known.get("IMAGENET1K_V1") or known["IMAGENET1K_SWAG_LINEAR_V1"]
+    known = _torchvision_models().get_model_weights(name).__members__
+    chosen: WeightsEnum = known.get("IMAGENET1K_V1") or known["IMAGENET1K_SWAG_LINEAR_V1"]
     return chosen
+
+
+def _torchvision_models() -> ModuleType:
+    """Torchvision's networks. Importing them takes a second, which the network of our own need not wait for."""
+    from torchvision import models
+
+    return models

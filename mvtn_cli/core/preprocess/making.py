@@ -155,7 +155,7 @@ def _outcome(
 def _failure(error: Exception, item: Item) -> dict[str, Any]:
     """Return the fatal finding of an exception, in one line; the file's name stands beside it."""
     if isinstance(error, MvtnError):
-        detail, name = error.message.removeprefix(item.source).removeprefix(": "), "unreadable"
+        detail, name = error.message.removeprefix(item.source).lstrip(":, "), "unreadable"
     elif isinstance(error, OSError):
         detail, name = error.strerror or type(error).__name__, "unreadable"
     else:

@@ -44,6 +44,8 @@ class Summary:
 
     def headline(self) -> str:
         """Return one sentence for people."""
+        if self.rejected and not self.kept:
+            return f"not one shape can be used: {self.rejected} rejected"
         if not self.made:
             if not self.rejected:
                 return f"nothing to do: {self.kept} shapes are up to date"

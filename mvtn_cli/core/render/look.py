@@ -48,7 +48,8 @@ class Look:
         image_size: Height and width in pixels.
         kind: "mesh" or "points".
         colors: (B, 3) float32 in [0, 1], multiplied with vertex or point colours where there are some.
-        light_direction: (B, 3) float32 unit vectors towards the light, world frame; None is a headlight.
+        light_direction: (B, 3) float32 unit vectors towards the light, world frame; None, or a row of zeros, is a
+            headlight.
         background: RGB in [0, 1].
         ambient, diffuse, specular, shininess, falloff: Of the one light, see `shade.py`; points have none.
         shading: "smooth" (interpolated normals) or "flat".
@@ -82,16 +83,22 @@ class Look:
 
     @classmethod
     def training(cls, settings: LookSettings, count: int, kind: str, generator: torch.Generator) -> Look:
-        """Random colour and light per shape, where the settings ask for them (paper, section 4)."""
-        colors = np.ones((count, 3), np.float32)
-        if settings.color == "random":
-            drawn = 0.2 + 0.8 * torch.rand((count, 3), generator=generator)
-            colors = (drawn / drawn.amax(1, keepdim=True)).numpy()
-        light = None
-        if settings.light == "random":
-            drawn = torch.randn((count, 3), generator=generator)
-            light = (drawn / drawn.norm(dim=1, keepdim=True).clamp_min(1e-6)).numpy()
-        return cls(colors=colors, light_direction=light, **_common(settings, kind))
+        """Random colour and light per shape, where the settings ask for them (paper, section 4).
+
+        `mixed` takes every second shape, by chance, as in evaluation: a network that has only ever seen side light
+        and colours keeps batch statistics that fit neither white nor a headlight.
+        """
+        as_judged = torch.rand(count, generator=generator) < 0.5
+        drawn = 0.2 + 0.8 * torch.rand((count, 3), generator=generator)
+        colors = drawn / drawn.amax(1, keepdim=True)
+        lights = torch.randn((count, 3), generator=generator)
+        lights = lights / lights.norm(dim=1, keepdim=True).clamp_min(1e-6)
+        if settings.color != "random":
+            colors[as_judged if settings.color == "mixed" else slice(None)] = 1.0
+        if settings.light == "mixed":
+            lights[as_judged] = 0.0
+        light = None if settings.light == "headlight" else lights.numpy()
+        return cls(colors=colors.numpy(), light_direction=light, **_common(settings, kind))
 
 
 def _common(settings: LookSettings, kind: str) -> dict:

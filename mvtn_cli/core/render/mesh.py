@@ -25,7 +25,7 @@ from mvtn_cli.core.views import camera_rotations
 @njit(cache=True, parallel=True)
 def draw_views(
     vertices, normals, colors, faces, face_edges, edge_starts, edge_faces, offsets, rts, shape_of, focal, supersample,
-    smooth, lights, headlight, albedos, material, background, weights, images, dots,
+    smooth, lights, albedos, material, background, weights, images, dots,
 ):  # fmt: skip
     """Draw view n of shape `shape_of[n]` for all n in parallel, keeping no buffers.
 
@@ -40,10 +40,17 @@ def draw_views(
         draw_view_alone(
             vertices[v0:v1], normals[v0:v1], colors[v0:v1], faces[f0:f1], face_edges[f0:f1],
             edge_starts[offsets[2, b] : offsets[2, b + 1]], edge_faces[offsets[3, b] : offsets[3, b + 1]],
-            rts[n], focal, supersample, smooth, lights[b], headlight, albedos[b], material, background, image,
+            rts[n], focal, supersample, smooth, lights[b], no_direction(lights[b]), albedos[b], material, background,
+            image,
         )  # fmt: skip
         if not keep:
             dots[n] = inner_product(weights[n % weights.shape[0]], image)
+
+
+@njit(cache=True)
+def no_direction(light):
+    """Whether this shape's light is a headlight: its direction is zero."""
+    return light[0] == 0.0 and light[1] == 0.0 and light[2] == 0.0
 
 
 @njit(cache=True)
@@ -60,7 +67,7 @@ def inner_product(a, b):
 @njit(cache=True, parallel=True)
 def draw_views_keeping(
     vertices, normals, colors, faces, face_edges, edge_starts, edge_faces, offsets, rts, shape_of, focal, supersample,
-    smooth, lights, headlight, albedos, material, background, ids, inverse_depth, samples, breaks, records, where,
+    smooth, lights, albedos, material, background, ids, inverse_depth, samples, breaks, records, where,
     counts, images,
 ):  # fmt: skip
     """Draw every view and keep the sample buffers that the gradient needs."""
@@ -70,14 +77,14 @@ def draw_views_keeping(
         counts[n] = draw_view(
             vertices[v0:v1], normals[v0:v1], colors[v0:v1], faces[f0:f1], face_edges[f0:f1],
             edge_starts[offsets[2, b] : offsets[2, b + 1]], edge_faces[offsets[3, b] : offsets[3, b + 1]],
-            rts[n], focal, supersample, smooth, lights[b], headlight, albedos[b], material, background,
+            rts[n], focal, supersample, smooth, lights[b], no_direction(lights[b]), albedos[b], material, background,
             ids[n], inverse_depth[n], samples[n], breaks[n], records[n], where[n], images[n],
         )  # fmt: skip
 
 
 @njit(cache=True, parallel=True)
 def differentiate_views(
-    vertices, normals, colors, faces, offsets, rts, shape_of, focal, supersample, smooth, lights, headlight, albedos,
+    vertices, normals, colors, faces, offsets, rts, shape_of, focal, supersample, smooth, lights, albedos,
     material, ids, inverse_depth, samples, breaks, records, where, counts, weights, out,
 ):  # fmt: skip
     """Reduce `weights` (N,3,H,W) to `out` (N,3,4), view by view."""
@@ -86,8 +93,8 @@ def differentiate_views(
         v0, v1, f0, f1 = offsets[0, b], offsets[0, b + 1], offsets[1, b], offsets[1, b + 1]
         differentiate_view(
             vertices[v0:v1], normals[v0:v1], colors[v0:v1], faces[f0:f1], rts[n], focal, supersample, smooth,
-            lights[b], headlight, albedos[b], material, ids[n], inverse_depth[n], samples[n], breaks[n], records[n],
-            where[n], counts[n], weights[n], out[n],
+            lights[b], no_direction(lights[b]), albedos[b], material, ids[n], inverse_depth[n], samples[n], breaks[n],
+            records[n], where[n], counts[n], weights[n], out[n],
         )  # fmt: skip
 
 
@@ -127,14 +134,13 @@ class MeshScene:
         self.size = look.image_size
         self.focal = focal_pixels(look.image_size, fov_deg)
         light = look.light_direction
-        headlight = light is None
         lights = np.zeros((len(batch), 3)) if light is None else light.astype(np.float64)
         mesh = (batch.vertices, batch.normals, batch.colors, batch.faces)
         self.mesh = (*mesh, batch.face_edges, batch.edge_starts, batch.edge_faces, batch.offsets)
         self.plain_mesh = (*mesh, batch.offsets)
         albedos = np.ascontiguousarray(look.colors, np.float64)
         samples = (self.focal * look.supersample, look.supersample, look.shading == "smooth")
-        self.shading = (*samples, lights, headlight, albedos, look.material)
+        self.shading = (*samples, lights, albedos, look.material)
         self.background = np.array(look.background)
 
     def _views(self, rts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -52,8 +52,10 @@ def _tree(path: Path, data: bytes, kind: str) -> dict[str, Any]:
     """Return the JSON part."""
     text = data
     if kind == "glb":
-        if data[:4] != b"glTF" or len(data) < 20:
+        if data[:4] != b"glTF":
             raise not_a(path, "a binary glTF file", data)
+        if len(data) < 20:
+            raise unreadable(path, f"has {len(data)} bytes", expected="a header of 20 (truncated?)")
         declared, length = int.from_bytes(data[8:12], "little"), int.from_bytes(data[12:16], "little")
         if declared > len(data) or 20 + length > len(data):
             raise unreadable(path, f"declares {declared} bytes but has {len(data)} (truncated?)")

@@ -10,10 +10,16 @@ from pathlib import Path
 from mvtn_cli.errors import MvtnError
 
 
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write `data` under a name of its own beside `path`, flush it to the disk, and rename it to `path`.
+def write_bytes(path: Path, data: bytes, *, durable: bool = True) -> None:
+    """Write `data` under a name of its own beside `path`, and rename it to `path`.
 
     Any number of processes may do so at once: a reader sees one whole file or the other.
+
+    Args:
+        path: What it is called in the end.
+        data: All of it.
+        durable: Wait until the disk has it, so that it also survives a power cut. Not for what is checked when read
+            and can be made again: waiting costs more than making a small shape.
 
     Raises:
         MvtnError: The folder can't be written, or the disk is full.
@@ -21,7 +27,7 @@ def write_bytes(path: Path, data: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write_through(temporary, data)
+        _write(temporary, data, durable)
         os.replace(temporary, path)
     except OSError as error:
         raise MvtnError(
@@ -34,8 +40,9 @@ def write_bytes(path: Path, data: bytes) -> None:
             temporary.unlink()
 
 
-def _write_through(path: Path, data: bytes) -> None:
+def _write(path: Path, data: bytes, durable: bool) -> None:
     with path.open("wb") as file:
         file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())

@@ -86,7 +86,7 @@ class Store:
 
     def write(self, address: str, shape: StoredShape, notes: Mapping[str, Any] | None = None) -> None:
         """Store `shape` atomically; `notes` must depend on nothing but the address."""
-        write_bytes(self.shape_path(address), shape_file.encode(address, shape, notes or {}))
+        write_bytes(self.shape_path(address), shape_file.encode(address, shape, notes or {}), durable=False)
 
     def stamp(self, address: str) -> tuple[int, int] | None:
         """Return (bytes, modification time in ns) of a stored shape, or None if it is missing."""

@@ -27,7 +27,7 @@ def write_run_file(path: Path, data: bytes) -> None:
     try:
         write_bytes(path, data)
     except MvtnError as error:
-        error.hint = "free some space, or name another folder with --runs DIR"
+        error.hint = "free some space, or name another folder with --runs or --out"
         raise
 
 
@@ -60,7 +60,11 @@ def read_weights(path: Path) -> dict[str, Tensor]:
     try:
         return load_safetensors(path.read_bytes())
     except (OSError, SafetensorError) as error:
-        raise DataError(f"can't read the weights in {path}: {error}", code="run.weights") from error
+        raise DataError(
+            f"can't read the weights in {path}: {error}",
+            hint="try the others, --checkpoint last or best; or train again: mvtn train",
+            code="run.weights",
+        ) from error
 
 
 def write_state(path: Path, state: dict[str, Any]) -> None:

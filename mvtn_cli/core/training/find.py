@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
@@ -80,8 +81,8 @@ def default_name(config: TrainConfig, prepared: Any) -> str:
 def dataset_word(spec: str) -> str:
     """A short word for a data set: `shapes` for `builtin:shapes?train=9` and for `folder:/data/shapes`."""
     place = spec.split("?")[0].split(":", 1)[-1]
-    words = re.findall(r"[A-Za-z0-9]+", Path(place).name)
-    return "-".join(words).lower() or "data"
+    name = unicodedata.normalize("NFC", Path(place).name).casefold()
+    return "-".join(re.findall(r"[^\W_]+", name)) or "data"
 
 
 def candidates(runs: Path, name: str) -> Iterator[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -161,7 +162,7 @@ def _train(
                 if hopeless:
                     raise _hopeless(run, position)
                 if asked:
-                    raise _interrupted(run, position, steps)
+                    raise _interrupted(run, config, position, steps)
 
         # Judge the epoch by the shapes that choose the best one.
         try:
@@ -170,7 +171,7 @@ def _train(
             seen = judge.look_at(model, prepared, shown, config, stopping.check) if better else None
         except StopNow:
             save(run, position, model, optimisers)
-            raise _interrupted(run, position, steps) from None
+            raise _interrupted(run, config, position, steps) from None
 
         # Write down what came of it: best weights and numbers first, then the state that makes them count.
         tally.seconds = time.monotonic() - began
@@ -207,10 +208,15 @@ def _step_line(position: Position) -> str:
     return ", ".join(parts)
 
 
-def _interrupted(run: Run, position: Position, steps: int) -> Interrupted:
+def _interrupted(run: Run, config: TrainConfig, position: Position, steps: int) -> Interrupted:
+    command = ["mvtn", "train", "--config", str(run.config_path)]
+    folders = {"--runs": config.runs, "--cache": config.cache}  # these two are not in a run's config.toml
+    for option, folder in folders.items():
+        if folder not in (None, Path("runs")):
+            command += [option, str(folder)]
     return Interrupted(
         f"stopped in epoch {position.epoch + 1} after step {position.step} of {steps}; saved in {run.path}",
-        hint=f"go on with the same command, or: mvtn train --config {shlex.quote(str(run.config_path))}",
+        hint=f"go on with the same command, or: {shlex.join(command)}",
     )
 
 

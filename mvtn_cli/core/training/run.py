@@ -154,7 +154,10 @@ class Run:
             settings = tomllib.loads(self.config_path.read_text(encoding="utf-8"))
             return TrainConfig.model_validate(settings)
         except (OSError, ValueError) as error:
-            raise DataError(f"can't read the settings in {self.config_path}: {error}", code="run.config") from error
+            reason = str(error).splitlines()[0]
+            raise DataError(
+                f"can't read the settings in {self.config_path}: {reason}", hint=self._way_out, code="run.config"
+            ) from error
 
     @property
     def info(self) -> dict[str, Any]:
@@ -167,7 +170,11 @@ class Run:
         try:
             return dict(json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError) as error:
-            raise DataError(f"can't read {path}: {error}", code="run.info") from error
+            raise DataError(f"can't read {path}: {error}", hint=self._way_out, code="run.info") from error
+
+    @property
+    def _way_out(self) -> str:
+        return f"put a copy of the file back, or remove {self.path}; other runs can be named: mvtn eval RUN"
 
     @property
     def classes(self) -> tuple[str, ...]:

@@ -79,8 +79,15 @@ def training_indices(config: Any, prepared: Any) -> Indices:
         prepared: A Prepared.
 
     Raises:
-        DataError: There are fewer than two shapes to train on, or none in a split that is asked for.
+        DataError: There are fewer than two classes or shapes to train on, or none in a split that is asked for.
     """
+    if len(prepared.classes) < 2:
+        only = f"the single class {prepared.classes[0]}" if prepared.classes else "no classes"
+        raise DataError(
+            f"{prepared.spec} has {only}, so there is nothing to tell apart",
+            hint="put the files of each class into a folder of its own: CLASS/file or CLASS/train/file",
+            code="dataset.classes",
+        )
     labels = [record.label for record in prepared.records]
     train, held_out = prepared.split("train"), prepared.split("val")
     if config.train_limit is not None:

@@ -1,0 +1,71 @@
+"""Settings of `mvtn bench`; those of all other commands are in `config.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BeforeValidator, model_validator
+
+from mvtn_cli.errors import UsageError
+from mvtn_cli.fields import Config, option, several
+
+What = Literal["gradient", "render", "pose", "image", "stiff"]
+WHATS: tuple[str, ...] = get_args(What)
+Names = Annotated[tuple[str, ...], BeforeValidator(several)]
+
+
+class BenchConfig(Config):
+    """Error against run time of the renderer."""
+
+    what: What = option(
+        "gradient",
+        "gradient: how right it is; render: what it costs beside ResNet-18; pose: whether it finds cameras again; "
+        "image: how right pictures are; stiff: what breaks renderers",
+        "Data",
+        argument=True,
+    )
+    files: tuple[str, ...] = option((), "More meshes, as after --mesh", "Data", argument="many")
+    mesh: Names = option((), "Meshes instead of the built-in ones", "Data", metavar="FILE...", many=True)
+    up: Literal["y", "z"] | None = option(None, "Axis that points up in the files; auto: y", "Data")
+    compare: str | None = option(
+        None, "Measure nothing; compare two answers of bench --json", "Compare", metavar="A.json B.json"
+    )
+    quick: bool = option(False, "At most two minutes: less of everything, which is said", "Measure")
+    image_size: int | None = option(None, "Width and height of a view, pixels; auto: 224", "Measure", ge=8, le=1024)
+    num_views: int | None = option(None, "Views of each mesh; auto: 12", "Measure", ge=1, le=100)
+    seed: int = option(0, "Of loss weights, lights, colours and starts", "Measure", ge=0, le=2**32 - 1)
+    csv: Path | None = option(None, "Also write the rows as CSV", "Answer", metavar="FILE")
+    plot: Path | None = option(None, "Also plot error against time, .svg or .png", "Answer", metavar="FILE")
+    threads: int | None = option(
+        None, "CPU threads; auto: all cores; render measures at 1 and at these, auto: 2", "Machine", ge=1, le=1024
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _words_of_comparison(cls, values: Any) -> Any:
+        """In `--compare A.json B.json` the second name arrives where a benchmark's name is expected."""
+        if not isinstance(values, dict) or values.get("compare") in (None, "auto"):
+            return values
+        values, what = dict(values), values.get("what")
+        if what is not None and what not in WHATS:
+            del values["what"]
+            values["files"] = (what, *values.get("files", ()))
+        return values
+
+    @model_validator(mode="after")
+    def _check_combinations(self) -> BenchConfig:
+        if self.compare is not None and (len(self.files) != 1 or self.mesh):
+            raise UsageError(
+                "--compare takes two answers of mvtn bench --json",
+                hint="mvtn bench --compare A.json B.json",
+                code="bench.compare",
+            )
+        if self.what == "stiff" and self.compare is None and self.meshes:
+            raise UsageError("the stiff set brings its own meshes", hint="leave --mesh out", code="bench.mesh")
+        return self
+
+    @property
+    def meshes(self) -> tuple[str, ...]:
+        """All files that were named."""
+        return (*self.mesh, *self.files)
