@@ -45,7 +45,7 @@ class ToyPrepared:
     title: str = "boxes"
     classes: tuple[str, ...] = CLASSES
     known_view: bool = False
-    settings: Settings = Settings(max_vertices=1000, num_points=64, seed=0)
+    settings: Settings = field(default_factory=lambda: Settings(max_vertices=1000, num_points=64, seed=0))
     shapes: list[StoredShape] = field(default_factory=list)
 
     def load(self, index: int) -> StoredShape:

@@ -91,7 +91,7 @@ def test_half_a_file_of_a_run_is_named_with_what_to_do(file, settings, boxes, qu
     run = train(settings(epochs=1), boxes, quiet)
     content = (run.path / file).read_bytes()
     (run.path / file).write_bytes(content[: len(content) // 2])
-    with pytest.raises(DataError, match="^can't read .*") as broken:
+    with pytest.raises(DataError, match=r"^can't read .*") as broken:
         load_model(run, "last")
     assert str(run.path / file) in broken.value.message and "\n" not in broken.value.message
     assert broken.value.hint

@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
 
 from mvtn_cli.console import Console
+from mvtn_cli.core.bench import stiff_shapes as made
 from mvtn_cli.core.bench.modes import DEFAULT_MODE
 from mvtn_cli.core.bench.outcome import Outcome, Row
 from mvtn_cli.core.bench.plan import Plan
@@ -34,6 +36,7 @@ def measure_stiff(plan: Plan, console: Console, cases: Iterable[Case] | None = N
     works = [
         (case, drawn) for case in listed for drawn in (("points",) if case.kind == "points" else ("smooth", "flat"))
     ]
+    compiling = warm_up()
     rows = []
     with console.progress("stiff cases", len(works)) as ticker:
         for case, drawn in works:
@@ -42,7 +45,16 @@ def measure_stiff(plan: Plan, console: Console, cases: Iterable[Case] | None = N
             ticker.advance()
     failed = [row for row in rows if row["problem"]]
     summary = {"cases": len(rows), "failed": len(failed), "non_finite": sum(row["non_finite"] for row in rows)}
-    return Outcome(rows, summary, omitted=NOT_HERE)
+    return Outcome(rows, summary, {"compile": compiling}, omitted=NOT_HERE)
+
+
+def warm_up() -> float:
+    """Draw something harmless of each kind, so that no case pays for compiling; returns the seconds."""
+    easy = [Case("", "", made.box), Case("", "", partial(made.cloud, [[0.1, 0.2, 0.3]]), kind="points")]
+    started = time.perf_counter()
+    for case in easy:
+        _draw(case, case.shape(), "smooth" if case.kind == "mesh" else "points", 8, 0)
+    return time.perf_counter() - started
 
 
 def run_case(case: Case, drawn: str, plan: Plan) -> Row:

@@ -22,6 +22,7 @@ from mvtn_cli.core.training.find import find_or_create_run
 from mvtn_cli.core.training.position import Position, restore, save
 from mvtn_cli.core.training.randomness import epoch_batches, step_generator, step_seed
 from mvtn_cli.core.training.run import Run
+from mvtn_cli.core.training.settle import settle_batch_norm
 from mvtn_cli.core.training.shapes import load_batch
 from mvtn_cli.core.training.signals import StopNow, StopRequest
 from mvtn_cli.core.training.split import Indices, shown_indices, training_indices
@@ -166,6 +167,7 @@ def _train(
 
         # Judge the epoch by the shapes that choose the best one.
         try:
+            settle_batch_norm(model, prepared, indices.train, config, stopping.check)
             judged = judge.judge_epoch(model, prepared, indices.select, shown, config, stopping.check)
             better = judge.is_better(judged, position.best)
             seen = judge.look_at(model, prepared, shown, config, stopping.check) if better else None
