@@ -150,8 +150,8 @@ def fake_core(own_folder: Path, fake_module: FakeModule, monkeypatch: pytest.Mon
             raise seen.result
         return {**seen.result, "folder": str(run.path)}
 
-    for command in (train_command, eval_command):
-        monkeypatch.setattr(command, "open_shapes", lambda spec, config, call: seen.prepared)
+    monkeypatch.setattr(train_command, "open_shapes", lambda spec, config, call: seen.prepared)
+    monkeypatch.setattr(eval_command, "open_shapes_of", lambda run, config, call: seen.prepared)
     monkeypatch.setattr(eval_command, "find_run", lambda name, runs, call: seen.run)
     fake_module("mvtn_cli.core.training.loop", train=train)
     fake_module("mvtn_cli.core.training.compare", compare=compare)
@@ -251,7 +251,10 @@ def fake_model(fake_module: FakeModule, monkeypatch: pytest.MonkeyPatch) -> Simp
     """A model that takes the first shape of a batch for a chair and all others for tables."""
     seen = SimpleNamespace(batches=[])
     run = SimpleNamespace(
-        path=Path("runs/r"), classes=("chair", "table", "mug"), config=None, info={"title": "set, z up: 4"}
+        path=Path("runs/r"),
+        classes=("chair", "table", "mug"),
+        config=None,
+        info={"title": "set, z up: 4", "preprocess": {"max_vertices": 100, "num_points": 32, "seed": 0}},
     )
 
     def classify(model: Any, prepared: Any, indices: Any, config: Any, *, batch_size: int) -> Any:
@@ -275,6 +278,7 @@ def test_predict_answers_with_class_and_probability_in_the_order_given(
     assert result.out == "b.off\tchair\t0.73\na.off\ttable\t0.88\n"
     assert result.err.splitlines()[-1].startswith("2 files classified by runs/r in ")
     assert fake_model.prepared.items[0].read.up == "z"  # as in the run's data set
+    assert fake_model.prepared.settings.num_points == 32  # prepared as the run's shapes were
     assert mvtn("predict", "b.off", "--top", 2).out == "b.off\tchair\t0.73\ttable\t0.27\n"
 
 
@@ -352,6 +356,11 @@ def fake_drawing(fake_module: FakeModule, monkeypatch: pytest.MonkeyPatch) -> li
         lambda spec, config, call: SimpleNamespace(**{**vars(prepared), "spec": spec}),
     )
     run = SimpleNamespace(path=Path("runs/r"), info={"dataset": "of-the-run", "title": ""})
+    monkeypatch.setattr(
+        render_views_command,
+        "open_shapes_of",
+        lambda run, config, call: SimpleNamespace(**{**vars(prepared), "spec": run.info["dataset"]}),
+    )
     monkeypatch.setattr(render_views_command, "find_run", lambda name, runs, call: run)
     return asked
 

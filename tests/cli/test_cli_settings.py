@@ -135,7 +135,6 @@ def test_one_name_means_one_type_everywhere():
         ),
         ({"gradient": "none"}, "with --gradient none the pictures can't teach learned-spherical views"),
         ({"angles": "tanh"}, "--angles tanh belongs to --views learned-direct, not to learned-spherical"),
-        ({"val_fraction": "0"}, "without validation shapes no best epoch can be chosen by them"),
     ],
 )
 def test_a_wrong_value_is_refused_in_one_sentence(options: dict[str, str], message: str | None):

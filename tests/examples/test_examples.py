@@ -108,7 +108,7 @@ def test_learned_cameras_prints_and_draws_where_they_stand(own_meshes: OwnMeshes
     assert ended.code == 0, ended.err
     rows = re.findall(r"^ *(\d) +(-?[\d.]+) +(-?[\d.]+) +([\d.]+)$", ended.out, re.M)
     assert [row[0] for row in rows] == ["1", "2"]
-    assert all(-180 <= float(a) < 180 and -90 <= float(e) <= 90 and 0 < float(m) < 90 for _, a, e, m in rows)
+    assert all(-180 <= float(a) <= 180 and -90 <= float(e) <= 90 and 0 <= float(m) < 90 for _, a, e, m in rows)
     with Image.open(own_meshes.folder.path / "learned_cameras.png") as picture:
         picture.load()
         assert picture.width > 2 * 96 and picture.height > 5 * 96  # a row for each of the five test shapes
