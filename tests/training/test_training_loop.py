@@ -413,3 +413,10 @@ def test_the_settings_file_of_a_run_opens_as_the_settings_it_was_begun_with(sett
     assert Run.open("mine", config.runs) == run and run.classes == boxes.classes
     with pytest.raises(UsageError, match="did you mean 'mine'"):
         Run.open("mini", config.runs)
+
+
+def test_a_wrong_backbone_leaves_no_run_behind(settings, boxes, quiet):
+    config = settings(backbone="resnet81")
+    with pytest.raises(UsageError, match="resnet18"):
+        train(config, boxes, quiet)
+    assert not list(config.runs.glob("*"))

@@ -13,7 +13,7 @@ from lightning_fabric import Fabric
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
-from mvtn_cli.core.networks.recogniser import build_recogniser
+from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
 from mvtn_cli.core.render import Look
 from mvtn_cli.core.render.compiled import announce_compilation
 from mvtn_cli.core.training import judge, learner, schedules, watch
@@ -62,13 +62,15 @@ def train(
     """
     watch.check_views_can_learn(config)
     indices = training_indices(config, prepared)
+    # Built before the run's folder: a wrong backbone or weights file leaves nothing behind.
+    model = build_recogniser(config, len(prepared.classes))
     run = find_or_create_run(config, prepared, config.runs, name or config.name, console, reuse_finished=reuse_finished)
     if run.finished:
         return run
     with run.lock(), StopRequest(console, stop) as stopping:
         run.set_state("running", selected_by=indices.selected_by)
         try:
-            _train(run, config, prepared, indices, console, stopping)
+            _train(run, model, config, prepared, indices, console, stopping)
         except MvtnError as error:
             run.set_state("interrupted", reason=error.message)
             raise
@@ -77,7 +79,13 @@ def train(
 
 
 def _train(
-    run: Run, config: TrainConfig, prepared: Any, indices: Indices, console: Console, stopping: StopRequest
+    run: Run,
+    model: Recogniser,
+    config: TrainConfig,
+    prepared: Any,
+    indices: Indices,
+    console: Console,
+    stopping: StopRequest,
 ) -> None:
     """From the first step, or the one after the last that was saved, to the end."""
     shown = shown_indices(indices, [record.label for record in prepared.records], SHOWN_SHAPES)
@@ -91,7 +99,6 @@ def _train(
     device = choose_device(config.device)
     fabric = Fabric(accelerator=device.type, devices=[device.index] if device.type == "cuda" else 1)
     fabric.launch()
-    model = build_recogniser(config, len(prepared.classes))
     optimisers = learner.build_optimisers(model, config)
     loss_of, *stepping = fabric.setup(learner.Learner(model, config.label_smoothing), *optimisers.values())
     viewpoints = dict(zip(optimisers, stepping, strict=True)).get(learner.VIEWPOINTS)
