@@ -17,16 +17,17 @@ from mvtn_cli.core.bench.modes import DEFAULT_MODE, Mode, all_modes, angle_gradi
 from mvtn_cli.core.bench.plan import Plan, TruthSetting
 from mvtn_cli.core.bench.pose import measure_pose
 from mvtn_cli.core.bench.subjects import builtin_subjects, cameras_at, golden_spiral, look_at
-from mvtn_cli.core.bench.truth import true_gradient, views_at_once
+from mvtn_cli.core.bench.truth import lattice_shifts, shifted_matrices, true_gradient, views_at_once
 from mvtn_cli.core.bench.weights import smooth_weights
 from mvtn_cli.core.render import GRADIENTS, pack
+from mvtn_cli.core.render.mesh import MeshScene
 
 QUIET = Console(quiet=True)
 TINY = Plan(
     image_size=24,
     num_views=3,
-    smooth_truth=(TruthSetting(12, 0.3), TruthSetting(9, 0.4)),
-    sharp_truth=(TruthSetting(12, 0.3), TruthSetting(9, 0.4)),
+    smooth_truth=(TruthSetting(6, 2, 0.5), TruthSetting(5, 2, 0.7)),
+    sharp_truth=(TruthSetting(6, 2, 0.5), TruthSetting(5, 2, 0.7)),
     repeats=1,
     pose_steps=40,
     image_truths=(16, 13),
@@ -56,16 +57,34 @@ def test_the_first_look_is_white_under_a_headlight_the_second_coloured_under_a_f
     assert np.allclose(mixed.light_direction[1], colored.light_direction[0])
 
 
-def test_the_truth_is_what_the_default_mode_finds_at_many_samples(subjects):
+def test_the_truth_is_what_the_default_mode_finds_at_many_samples():
     """Two independent ways to one number: differences of images, and the analytic reduction at 8x8 samples."""
-    batch, look = pack([subjects[0].shape]), look_at(subjects[:1], 48, 0)
+    teapot = builtin_subjects(3)[2]
+    batch, look, spiral = pack([teapot.shape]), look_at([teapot], 48, 0), golden_spiral(2)
     x, y = torch.meshgrid(torch.linspace(0, 5, 48), torch.linspace(0, 4, 48), indexing="ij")
-    waves = torch.stack([torch.cos(x + y), torch.sin(2 * x - y), torch.cos(y)]).repeat(3, 1, 1, 1)
-    spiral = golden_spiral(3)
-    truth = true_gradient(batch, *spiral, look, {"w": waves, "2w": 2 * waves}, TruthSetting(16, 0.2), Ticker())
-    found = judged(angle_gradient(batch, cameras_at(*spiral), look, Mode(DEFAULT_MODE, 8), waves[None])[0], truth["w"])
-    assert found["l2"] < 0.03 and found["G"] > 0.9995 and found["cosine"] > 0.999
+    waves = torch.stack([torch.cos(x + y), torch.sin(2 * x - y), torch.cos(y)]).repeat(2, 1, 1, 1)
+    truth = true_gradient(batch, *spiral, look, {"w": waves, "2w": 2 * waves}, TruthSetting(8, 4, 0.3), Ticker())
+    found = angle_gradient(batch, cameras_at(*spiral), look, Mode(DEFAULT_MODE, 8), waves[None])[0].numpy()
+    figures = judged(found, truth["w"])
+    assert figures["l2"] < 0.04 and figures["G"] > 0.999 and figures["cosine"] > 0.999
     assert np.allclose(truth["2w"], 2 * truth["w"])
+
+
+def test_lattices_lie_around_the_plain_one_and_meet_a_vertical_edge_in_as_many_places_as_there_are():
+    shifts = lattice_shifts(TruthSetting(8, 16, 0.1))
+    assert shifts.shape == (16, 2) and np.abs(shifts.mean(axis=0)).max() < 1e-12
+    assert np.abs(shifts).max() < 0.6 / 8  # half a sample, and a little for the centring
+    assert np.allclose(np.diff(np.sort(shifts[:, 0])), 1 / 128)
+    assert np.diff(np.sort(shifts[:, 1])).max() < 2 / 128
+    assert np.array_equal(lattice_shifts(TruthSetting(8, 1, 0.1)), [[0, 0]])
+
+
+def test_a_shift_by_whole_pixels_is_the_same_picture_elsewhere(subjects):
+    scene = MeshScene(pack([subjects[0].shape]), look_at(subjects[:1], 32, 0), 60.0)
+    angles = np.array([[30.0, 20.0]])
+    plain = scene.images(shifted_matrices(angles, np.zeros(2)))[0, 0]
+    moved = scene.images(shifted_matrices(angles, np.array([1.0, 2.0]) / scene.focal))[0, 0]
+    assert plain.max() > 0.5 and np.allclose(np.roll(plain, (2, -1), axis=(1, 2)), moved, atol=1e-6)
 
 
 def test_the_truth_does_not_depend_on_how_many_views_are_drawn_at_once(subjects, monkeypatch):
@@ -74,7 +93,9 @@ def test_the_truth_does_not_depend_on_how_many_views_are_drawn_at_once(subjects,
     found = []
     for at_once in (1, 3):
         monkeypatch.setattr("mvtn_cli.core.bench.truth.views_at_once", lambda side, n=at_once: n)
-        found.append(true_gradient(batch, *golden_spiral(2), look, weights, TruthSetting(4, 0.5), Ticker())["smooth"])
+        found.append(
+            true_gradient(batch, *golden_spiral(2), look, weights, TruthSetting(4, 2, 0.5), Ticker())["smooth"]
+        )
     assert np.array_equal(found[0], found[1])
 
 

@@ -39,7 +39,7 @@ class Scene:
 def measure_gradient(subjects: Sequence[Subject], plan: Plan, console: Console) -> Outcome:
     """Hold each gradient mode against the truth, on each mesh, in both shadings, for three kinds of loss."""
     rows: list[Row] = []
-    drawings = sum(images_of_truth(plan.num_views) for _ in (*plan.smooth_truth, *plan.sharp_truth))
+    drawings = sum(images_of_truth(plan.num_views, setting) for setting in (*plan.smooth_truth, *plan.sharp_truth))
     with console.progress("images of the truth", drawings * len(SHADINGS) * len(subjects)) as ticker:
         for subject in subjects:
             for shading in SHADINGS:
@@ -53,7 +53,7 @@ def measure_gradient(subjects: Sequence[Subject], plan: Plan, console: Console) 
         "truth": {
             "smooth": [str(setting) for setting in plan.smooth_truth],
             "white, cnn": [str(setting) for setting in plan.sharp_truth],
-            "uncertainty": "relative L2 between the two settings; the second is the coarser one",
+            "uncertainty": "relative L2 of the second setting against the first",
         }
     }
     return Outcome(rows + means, summary, notes)

@@ -13,15 +13,17 @@ class TruthSetting:
     """Central differences of a finely sampled image.
 
     Attributes:
-        supersample: Samples a pixel in each direction.
+        supersample: Samples a pixel in each direction, of one lattice.
+        lattices: How many lattices, shifted against each other, are averaged.
         step_deg: Half the distance between the two images, degrees.
     """
 
     supersample: int
+    lattices: int
     step_deg: float
 
     def __str__(self) -> str:
-        return f"{self.supersample}x{self.supersample}, {self.step_deg:g} deg"
+        return f"{self.supersample}x{self.supersample} samples on {self.lattices} lattices, {self.step_deg:g} deg"
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class Plan:
         seed: Of weights, lights, colours and starts.
         default_meshes: How many of the built-in meshes are taken where the user names none.
         smooth_truth: Truth for smooth weights, and a second setting that tells its uncertainty.
-        sharp_truth: The same for white and network weights, which need finer samples and a smaller step: the image is
-            constant within a sample, so edges have to move by much less than one.
+        sharp_truth: The same for white and network weights, which are constant within a pixel only: edges have to move
+            by much less than one, and so the samples have to be finer.
         repeats: Timings of which the median counts, after one that does not.
         pose_steps: Adam steps of a pose recovery.
         image_truths: Samples a pixel of the true image, and of the second one that tells its uncertainty.
@@ -47,8 +49,8 @@ class Plan:
     num_views: int = FULL_VIEWS
     seed: int = 0
     default_meshes: int = 3
-    smooth_truth: tuple[TruthSetting, TruthSetting] = (TruthSetting(16, 0.15), TruthSetting(13, 0.25))
-    sharp_truth: tuple[TruthSetting, TruthSetting] = (TruthSetting(32, 0.05), TruthSetting(23, 0.08))
+    smooth_truth: tuple[TruthSetting, TruthSetting] = (TruthSetting(8, 4, 0.2), TruthSetting(7, 4, 0.15))
+    sharp_truth: tuple[TruthSetting, TruthSetting] = (TruthSetting(8, 16, 0.05), TruthSetting(7, 16, 0.07))
     repeats: int = 7
     pose_steps: int = 80
     image_truths: tuple[int, int] = (16, 13)
@@ -73,8 +75,8 @@ QUICK: dict[str, dict[str, Any]] = {
         "num_views": 4,
         "default_meshes": 2,
         "repeats": 3,
-        "smooth_truth": (TruthSetting(12, 0.15), TruthSetting(9, 0.25)),
-        "sharp_truth": (TruthSetting(16, 0.1), TruthSetting(13, 0.15)),
+        "smooth_truth": (TruthSetting(8, 2, 0.2), TruthSetting(7, 2, 0.25)),
+        "sharp_truth": (TruthSetting(8, 4, 0.07), TruthSetting(7, 4, 0.1)),
     },
     "render": {"repeats": 3, "default_meshes": 1, "batch_shapes": 4},
     "pose": {"num_views": 6, "default_meshes": 2},

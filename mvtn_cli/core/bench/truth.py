@@ -1,4 +1,9 @@
-"""The gradient to the cameras without any cleverness: differences of finely sampled images."""
+"""The gradient to the cameras without any cleverness: differences of finely sampled images.
+
+A lattice of samples sees an edge that runs along its rows jump by a whole row at once, and furniture is made of such
+edges. So the samples of a pixel are spread over several coarser lattices, shifted against each other by parts of a
+sample: 8x8 samples on 16 lattices are 1,024 a pixel as 32x32 are, but meet a vertical edge in 128 places, not 32.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +13,17 @@ from dataclasses import replace
 
 import numba
 import numpy as np
-import torch
 from torch import Tensor
 
 from mvtn_cli.console import Ticker
 from mvtn_cli.core.bench.plan import TruthSetting
 from mvtn_cli.core.bench.subjects import cameras_at
-from mvtn_cli.core.render import Look, ShapeBatch, render
+from mvtn_cli.core.render import Look, ShapeBatch
+from mvtn_cli.core.render.mesh import MeshScene, camera_matrices
 
 BYTES_A_SAMPLE = 34  # of the renderer's buffers, while a view is drawn
 CAREFUL_BYTES = 2_000_000_000  # where the system does not tell what is free
+GOLDEN = 0.5 * (5**0.5 - 1)
 
 
 def true_gradient(
@@ -29,10 +35,10 @@ def true_gradient(
     setting: TruthSetting,
     ticker: Ticker,
 ) -> dict[str, np.ndarray]:
-    """Central differences of <weights, image> over azimuth and elevation.
+    """Central differences of <weights, image> over azimuth and elevation, mean over shifted lattices.
 
-    The image is that of the same renderer at 16 or more samples a pixel in each direction. It still moves silhouettes
-    to where they are between two samples; so far down this changes a pixel by less than the truth's uncertainty.
+    The images are the renderer's own at many samples a pixel. They still move silhouettes to where they are between two
+    samples; so far down this changes a pixel by less than the truth's uncertainty.
 
     Args:
         batch: One shape.
@@ -40,30 +46,53 @@ def true_gradient(
         elevation_deg: (M,) float64.
         look: Its `supersample` does not matter.
         weights: Name to (M, 3, H, W).
-        setting: Samples and step.
+        setting: Samples, lattices and step.
         ticker: Advances by one an image.
 
     Returns:
         Name to (M, 2) float64, per degree.
     """
-    fine = replace(look, supersample=setting.supersample)
+    scene = MeshScene(
+        batch, replace(look, supersample=setting.supersample), cameras_at(azimuth_deg, elevation_deg).fov_deg
+    )
     moved = [(m, axis, sign) for m in range(len(azimuth_deg)) for axis in (0, 1) for sign in (1, -1)]
-    dots = {name: np.zeros((len(azimuth_deg), 2)) for name in weights}
-    for part in _parts(moved, views_at_once(look.image_size * setting.supersample)):
-        angles = np.array([[azimuth_deg[m], elevation_deg[m]] for m, _, _ in part])
-        for row, (_, axis, sign) in enumerate(part):
-            angles[row, axis] += sign * setting.step_deg
-        images = render(batch, cameras_at(*angles.T), fine, gradient="none").rgb[0]
-        for name, weight in weights.items():
-            for row, (m, axis, sign) in enumerate(part):
-                dots[name][m, axis] += sign * inner_product(images[row], weight[m]) / (2 * setting.step_deg)
-        ticker.advance(len(part))
-    return dots
+    sums = {name: np.zeros((len(azimuth_deg), 2)) for name in weights}
+    for shift in lattice_shifts(setting):
+        for part in _parts(moved, views_at_once(look.image_size * setting.supersample)):
+            angles = np.array([[azimuth_deg[m], elevation_deg[m]] for m, _, _ in part])
+            for row, (_, axis, sign) in enumerate(part):
+                angles[row, axis] += sign * setting.step_deg
+            images = scene.images(shifted_matrices(angles, shift / scene.focal))[0]
+            for name, weight in weights.items():
+                for row, (m, axis, sign) in enumerate(part):
+                    sums[name][m, axis] += sign * inner_product(images[row], weight[m].numpy())
+            ticker.advance(len(part))
+    return {name: total / (2 * setting.step_deg * setting.lattices) for name, total in sums.items()}
 
 
-def images_of_truth(num_views: int) -> int:
+def lattice_shifts(setting: TruthSetting) -> np.ndarray:
+    """Where each lattice lies, (lattices, 2) pixels, within half a sample of the plain one and around it."""
+    k = np.arange(setting.lattices)
+    cell = np.stack([(k + 0.5) / setting.lattices, (k * GOLDEN + 0.5) % 1], axis=-1) - 0.5
+    return (cell - cell.mean(axis=0)) / setting.supersample
+
+
+def shifted_matrices(angles_deg: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """[R|t] of cameras whose picture is shifted, (1, N, 3, 4) float64.
+
+    Args:
+        angles_deg: (N, 2) azimuth and elevation.
+        shift: (2,) to the left and down, in focal lengths: a multiple of depth, added to x and y before the division.
+    """
+    cameras = cameras_at(*angles_deg.T)
+    matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance).numpy().copy()
+    matrices[..., :2, :] += shift[:, None] * matrices[..., 2:, :]
+    return matrices
+
+
+def images_of_truth(num_views: int, setting: TruthSetting) -> int:
     """How many images `true_gradient` draws."""
-    return 4 * num_views
+    return 4 * num_views * setting.lattices
 
 
 def views_at_once(side: int) -> int:
@@ -76,9 +105,9 @@ def views_at_once(side: int) -> int:
     return max(1, min(numba.get_num_threads(), fitting))
 
 
-def inner_product(a: Tensor, b: Tensor) -> float:
+def inner_product(a: np.ndarray, b: np.ndarray) -> float:
     """Sum of products in float64."""
-    return float(torch.dot(a.double().flatten(), b.double().flatten()))
+    return float(np.dot(a.ravel().astype(np.float64), b.ravel().astype(np.float64)))
 
 
 def _parts(items: list, size: int) -> Iterator[list]:
