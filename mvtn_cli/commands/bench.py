@@ -57,8 +57,8 @@ def bench(config: BenchConfig, call: Call) -> None:
     outcome = measure(config.what, meshes, plan, call.console, threads=config.threads)
     answer = document(config.what, outcome, plan, command_words(config), call.seconds)
     _show(config.what, answer, call)
+    call.console.result(answer)  # before any file that could fail: minutes of work are in it
     _write(config, outcome, call)
-    call.console.result(answer)
     call.console.note(f"measured in {duration(call.seconds)}")
     if config.what == "stiff" and outcome.summary["failed"]:
         failed = f"{outcome.summary['failed']} of {outcome.summary['cases']} stiff cases fail"

@@ -146,7 +146,7 @@ def test_points_of_a_gradient_are_the_means_with_failures_named_and_the_widest_b
     assert [(point.setting, bool(point.failed)) for point in points] == [
         *(("edge-flow", False), ("fd", True), ("shading", True))
     ]
-    assert bands == {"smooth": 0.03} and "L2" in error
+    assert bands == {"smooth weights": 0.03} and "L2" in error
 
 
 def test_points_of_a_pose_fail_where_a_view_was_missed():

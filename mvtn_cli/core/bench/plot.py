@@ -63,12 +63,9 @@ def points_of(what: str, rows: Sequence[Row]) -> tuple[list[Point], dict[str, fl
         The points, the truth's own uncertainty by group, and what the error is.
     """
     if what == "gradient":
-        means = [row for row in rows if row["mesh"] == "mean"]
-        return (
-            [_gradient_point(row) for row in means],
-            _bands(means, "weights", "truth_l2"),
-            "relative L2 of the gradient",
-        )
+        means = [row | {"group": f"{row['weights']} weights"} for row in rows if row["mesh"] == "mean"]
+        bands = _bands(means, "group", "truth_l2")
+        return [_gradient_point(row) for row in means], bands, "relative L2 of the gradient"
     if what == "image":
         means = [row | {"group": f"{row['image_size']} px"} for row in rows if row["mesh"] == "mean"]
         return [_image_point(row) for row in means], _bands(means, "group", "truth_rmse"), "RMSE of the image"
@@ -92,7 +89,7 @@ def draw_plot(path: Path, points: Sequence[Point], bands: dict[str, float], erro
     for point in points:
         _mark(axes, point, colors[point.group], markers[point.setting], top)
     _draw_bands(axes, bands, colors)
-    _legend(axes, colors, markers, any(point.hollow for point in points))
+    _legend(axes, colors, markers, hollow=any(point.hollow for point in points), bands=bool(bands))
     path.parent.mkdir(parents=True, exist_ok=True)
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": title}):
         figure.savefig(path, dpi=150, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)
@@ -118,24 +115,22 @@ def _draw_bands(axes: Axes, bands: dict[str, float], colors: dict[str, str]) -> 
     axes.set_ylim(bottom=low)
 
 
-def _legend(axes: Axes, colors: dict[str, str], markers: dict[str, str], hollow: bool) -> None:
+def _legend(axes: Axes, colors: dict[str, str], markers: dict[str, str], *, hollow: bool, bands: bool) -> None:
     from matplotlib.lines import Line2D
 
     entries = [Line2D([], [], color=color, linewidth=3, label=group) for group, color in colors.items()]
     entries += [Line2D([], [], color="#444444", marker=m, linestyle="", label=name) for name, m in markers.items()]
     if hollow:
-        entries.append(
-            Line2D(
-                [], [], color="#444444", marker="o", markerfacecolor="none", linestyle="", label="hollow: flat shading"
-            )
-        )
-    entries.append(Line2D([], [], color="#444444", linestyle=":", label="the truth's own uncertainty"))
+        words = "hollow: flat shading"
+        entries.append(Line2D([], [], color="#444444", marker="o", markerfacecolor="none", linestyle="", label=words))
+    if bands:
+        entries.append(Line2D([], [], color="#444444", linestyle=":", label="the truth's own uncertainty"))
     axes.legend(handles=entries, fontsize=7.5, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
 
 def _gradient_point(row: Row) -> Point:
     wrong = "" if row["l2"] < 1 else "no better than no gradient"  # NaN too
-    return Point(row["weights"], row["mode"], row["seconds"], row["l2"], row["shading"] == "flat", wrong)
+    return Point(row["group"], row["mode"], row["seconds"], row["l2"], row["shading"] == "flat", wrong)
 
 
 def _image_point(row: Row) -> Point:

@@ -68,6 +68,7 @@ def recover(subject: Subject, mode: Mode, plan: Plan) -> Recovery:
     angles = [cameras.azimuth_deg, cameras.elevation_deg]
     adam = torch.optim.Adam(angles, lr=STEPS_DEG[0], betas=(0.9, 0.99))
     blur = blur_twice(plan.image_size)
+    draw(batch, cameras, look, mode).backward(torch.zeros_like(target))  # compiles, if nothing has yet
     started = time.perf_counter()
     for step in range(plan.pose_steps):
         adam.param_groups[0]["lr"] = learning_rate(step, plan.pose_steps)
