@@ -34,6 +34,9 @@ class BenchConfig(Config):
     quick: bool = option(False, "At most two minutes: less of everything, which is said", "Measure")
     image_size: int | None = option(None, "Width and height of a view, pixels; auto: 224", "Measure", ge=8, le=1024)
     num_views: int | None = option(None, "Views of each mesh; auto: 12", "Measure", ge=1, le=100)
+    look: Literal["studio", "relief", "paper"] = option(
+        "studio", "Material: studio: soft; relief: steep; paper: as published; black behind all", "Measure"
+    )
     seed: int = option(0, "Of loss weights, lights, colours and starts", "Measure", ge=0, le=2**32 - 1)
     csv: Path | None = option(None, "Also write the rows as CSV", "Answer", metavar="FILE")
     plot: Path | None = option(None, "Also plot error against time, .svg or .png", "Answer", metavar="FILE")

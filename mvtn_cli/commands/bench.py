@@ -50,6 +50,7 @@ def bench(config: BenchConfig, call: Call) -> None:
         quick=config.quick,
         image_size=config.image_size,
         num_views=config.num_views,
+        look=config.look,
         seed=config.seed,
     )
     for words in departures(config.what, plan):
@@ -132,6 +133,7 @@ def command_words(config: BenchConfig) -> str:
     for name in ("up", "image_size", "num_views", "threads"):
         value = getattr(config, name)
         words += [f"--{name.replace('_', '-')}", str(value)] if value is not None else []
+    words += ["--look", config.look] if config.look != "studio" else []
     return shlex.join([*words, "--seed", str(config.seed)])
 
 

@@ -49,7 +49,7 @@ def test_built_in_subjects_are_distinct_meshes_in_the_unit_ball_and_no_spheres()
 
 
 def test_the_first_look_is_white_under_a_headlight_the_second_coloured_under_a_fixed_light(subjects):
-    white, colored, mixed = (look_at(pair, 8, 0) for pair in (subjects[:1], subjects[1:], subjects))
+    white, colored, mixed = (look_at(pair, Plan(image_size=8)) for pair in (subjects[:1], subjects[1:], subjects))
     assert white.light_direction is None and (white.colors == 1).all()
     assert colored.light_direction is not None and not (colored.colors == 1).all()
     assert mixed.light_direction is not None and mixed.light_direction.shape == (2, 3)
@@ -60,7 +60,7 @@ def test_the_first_look_is_white_under_a_headlight_the_second_coloured_under_a_f
 def test_the_truth_is_what_the_default_mode_finds_at_many_samples():
     """Two independent ways to one number: differences of images, and the analytic reduction at 8x8 samples."""
     teapot = builtin_subjects(3)[2]
-    batch, look, spiral = pack([teapot.shape]), look_at([teapot], 48, 0), golden_spiral(2)
+    batch, look, spiral = pack([teapot.shape]), look_at([teapot], Plan(image_size=48)), golden_spiral(2)
     x, y = torch.meshgrid(torch.linspace(0, 5, 48), torch.linspace(0, 4, 48), indexing="ij")
     waves = torch.stack([torch.cos(x + y), torch.sin(2 * x - y), torch.cos(y)]).repeat(2, 1, 1, 1)
     truth = true_gradient(batch, *spiral, look, {"w": waves, "2w": 2 * waves}, TruthSetting(8, 4, 0.3), Ticker())
@@ -80,7 +80,7 @@ def test_lattices_lie_around_the_plain_one_and_meet_a_vertical_edge_in_as_many_p
 
 
 def test_a_shift_by_whole_pixels_is_the_same_picture_elsewhere(subjects):
-    scene = MeshScene(pack([subjects[0].shape]), look_at(subjects[:1], 32, 0), 60.0)
+    scene = MeshScene(pack([subjects[0].shape]), look_at(subjects[:1], Plan(image_size=32)), 60.0)
     angles = np.array([[30.0, 20.0]])
     plain = scene.images(shifted_matrices(angles, np.zeros(2)))[0, 0]
     moved = scene.images(shifted_matrices(angles, np.array([1.0, 2.0]) / scene.focal))[0, 0]
@@ -88,7 +88,7 @@ def test_a_shift_by_whole_pixels_is_the_same_picture_elsewhere(subjects):
 
 
 def test_the_truth_does_not_depend_on_how_many_views_are_drawn_at_once(subjects, monkeypatch):
-    batch, look = pack([subjects[0].shape]), look_at(subjects[:1], 16, 0)
+    batch, look = pack([subjects[0].shape]), look_at(subjects[:1], Plan(image_size=16))
     weights = {"smooth": smooth_weights(2, 16, seed=0)}
     found = []
     for at_once in (1, 3):

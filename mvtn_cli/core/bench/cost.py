@@ -90,13 +90,13 @@ def _rows_of(cases: Sequence[Case], plan: Plan, count: int) -> list[Row]:
 
 def _pieces(case: Case, plan: Plan) -> dict[str, Callable[[], object]]:
     batch = pack([case.subject.shape])
-    look = look_at([case.subject], plan.image_size, plan.seed, shading=case.shading)
+    look = look_at([case.subject], plan, shading=case.shading)
     weights = smooth_weights(plan.num_views, plan.image_size, plan.seed)[None]
     return stages(batch, spiral_cameras(plan.num_views), look, Mode(DEFAULT_MODE, case.supersample), weights)
 
 
 def _images(case: Case, plan: Plan) -> Tensor:
-    look = look_at([case.subject], plan.image_size, plan.seed)
+    look = look_at([case.subject], plan)
     return render(pack([case.subject.shape]), spiral_cameras(plan.num_views), look, gradient="none").rgb[0]
 
 
@@ -145,7 +145,7 @@ def _batch_rows(plan: Plan, count: int) -> list[Row]:
 
 
 def _packed_and_single(subjects: Sequence[Subject], plan: Plan) -> dict[str, Callable[[], object]]:
-    look, mode, views = look_at(subjects, plan.image_size, plan.seed), Mode(DEFAULT_MODE), plan.num_views
+    look, mode, views = look_at(subjects, plan), Mode(DEFAULT_MODE), plan.num_views
     batch = pack([subject.shape for subject in subjects])
     weights = smooth_weights(views, plan.image_size, plan.seed).expand(len(subjects), -1, -1, -1, -1).contiguous()
     singles = [(pack([subject.shape]), _only(look, number)) for number, subject in enumerate(subjects)]

@@ -32,6 +32,7 @@ def document(what: str, outcome: Outcome, plan: Plan, command: str, seconds: flo
         "seed": plan.seed,
         "image_size": plan.image_size,
         "num_views": plan.num_views,
+        "look": plan.look,
         "reduced": departures(what, plan),
         "machine": machine(),
         "versions": versions(),

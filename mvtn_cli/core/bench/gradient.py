@@ -61,7 +61,7 @@ def measure_gradient(subjects: Sequence[Subject], plan: Plan, console: Console) 
 
 def _scene(subject: Subject, shading: str, plan: Plan) -> Scene:
     batch = pack([subject.shape])
-    look = look_at([subject], plan.image_size, plan.seed, shading=shading)
+    look = look_at([subject], plan, shading=shading)
     images = render(batch, spiral_cameras(plan.num_views), look, gradient="none").rgb[0]
     seed = plan.seed + 1000 * subject.number
     weights = {

@@ -30,7 +30,7 @@ def measure_image(subjects: Sequence[Subject], plan: Plan, console: Console) -> 
         for subject in subjects:
             for shading in SHADINGS:
                 for size in sizes:
-                    look = look_at([subject], size, plan.seed, shading=shading)
+                    look = look_at([subject], plan, image_size=size, shading=shading)
                     rows += _rows_of(subject, look, plan, ticker)
     means = _mean_rows(rows)
     summary = {

@@ -33,6 +33,7 @@ class Plan:
     Attributes:
         image_size: Pixels along each side.
         num_views: Cameras of each mesh, on a golden spiral.
+        look: The material, as in `mvtn train --look`; the background is black with all of them.
         seed: Of weights, lights, colours and starts.
         default_meshes: How many of the built-in meshes are taken where the user names none.
         smooth_truth: Truth for smooth weights, and a second setting that tells its uncertainty.
@@ -47,6 +48,7 @@ class Plan:
 
     image_size: int = FULL_SIZE
     num_views: int = FULL_VIEWS
+    look: str = "studio"
     seed: int = 0
     default_meshes: int = 3
     smooth_truth: tuple[TruthSetting, TruthSetting] = (TruthSetting(8, 4, 0.2), TruthSetting(7, 4, 0.15))
@@ -86,10 +88,16 @@ QUICK: dict[str, dict[str, Any]] = {
 
 
 def plan_for(
-    what: str, *, quick: bool = False, image_size: int | None = None, num_views: int | None = None, seed: int = 0
+    what: str,
+    *,
+    quick: bool = False,
+    image_size: int | None = None,
+    num_views: int | None = None,
+    look: str = "studio",
+    seed: int = 0,
 ) -> Plan:
     """The plan of a benchmark: the full one, or a quick one, with the user's changes."""
-    plan = replace(Plan(seed=seed), **(QUICK[what] if quick else {}))
+    plan = replace(Plan(look=look, seed=seed), **(QUICK[what] if quick else {}))
     if image_size is not None:
         plan = replace(plan, image_size=image_size, stiff_size=image_size)
     if num_views is not None:

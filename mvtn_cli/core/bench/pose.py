@@ -60,7 +60,7 @@ def measure_pose(subjects: Sequence[Subject], plan: Plan, console: Console) -> O
 
 def recover(subject: Subject, mode: Mode, plan: Plan) -> Recovery:
     """Descend from wrong angles to those of the picture, `plan.pose_steps` steps of Adam."""
-    batch, look = pack([subject.shape]), look_at([subject], plan.image_size, plan.seed)
+    batch, look = pack([subject.shape]), look_at([subject], plan)
     azimuth, elevation = golden_spiral(plan.num_views)
     target = render(batch, cameras_at(azimuth, elevation), look, gradient="none").rgb
     off = offsets(plan.num_views, (plan.seed, subject.number))

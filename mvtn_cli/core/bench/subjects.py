@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import torch
 
+from mvtn_cli.core.bench.plan import Plan
 from mvtn_cli.core.datasets.builtin.shapes import build as build_shape
 from mvtn_cli.core.preprocess import Settings
 from mvtn_cli.core.preprocess.making import build as build_stored
-from mvtn_cli.core.render import Look
+from mvtn_cli.core.render import MATERIALS, Look
 from mvtn_cli.core.shapes import Shape
 from mvtn_cli.core.store import StoredShape
 from mvtn_cli.core.views import Cameras
@@ -91,18 +92,27 @@ def spiral_cameras(count: int, batch: int = 1) -> Cameras:
     return cameras_at(*golden_spiral(count), batch)
 
 
-def look_at(subjects: Sequence[Subject], image_size: int, seed: int, **changes: Any) -> Look:
+def look_at(subjects: Sequence[Subject], plan: Plan, **changes: Any) -> Look:
     """The look of these subjects: headlight and white for even ones, a drawn light and colour for odd ones.
 
     In one call all have a headlight or none has: for a mixed batch every subject gets its drawn light.
+
+    Args:
+        subjects: One or more.
+        plan: For image size, material and seed.
+        changes: Other fields; one sample a pixel, smooth shading, a black background where nothing is said.
     """
     headlight = all(subject.number % 2 == 0 for subject in subjects)
-    drawn = [light_and_color(subject.number, seed) for subject in subjects]
-    colors = [
-        np.ones(3) if subject.number % 2 == 0 else color for subject, (_, color) in zip(subjects, drawn, strict=True)
-    ]
-    light = None if headlight else np.stack([light for light, _ in drawn]).astype(np.float32)
-    return Look(image_size, "mesh", np.stack(colors).astype(np.float32), light, **{"supersample": 1, **changes})
+    drawn = [light_and_color(subject.number, plan.seed) for subject in subjects]
+    pairs = zip(subjects, drawn, strict=True)
+    colors = [np.ones(3) if subject.number % 2 == 0 else color for subject, (_, color) in pairs]
+    material = zip(("ambient", "diffuse", "specular", "shininess", "falloff"), MATERIALS[plan.look], strict=True)
+    return Look(
+        **{"image_size": plan.image_size, "supersample": 1, **dict(material), **changes},
+        kind="mesh",
+        colors=np.stack(colors).astype(np.float32),
+        light_direction=None if headlight else np.stack([light for light, _ in drawn]).astype(np.float32),
+    )
 
 
 def light_and_color(number: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
