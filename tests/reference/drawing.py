@@ -48,15 +48,15 @@ class Samples:
 
     Attributes:
         ids: (H, W) face ids of the samples. colors: (3, H, W) at sample centres.
-        breaks: (H, W, 2), non-zero where the step right, the step down crosses a jump.
-        records: (N, 8): share of the step, slope, crossing in camera coordinates, colour jump.
+        links: (H, W, 2), whether the surface goes on smoothly to the right, downward.
+        records: (N, 6): share of the step, slope, crossing in camera coordinates, part of the colour jump.
         where: N rows of (row, column, 0 right or 1 down).
         image: (3, h, w) float32.
     """
 
     ids: np.ndarray
     colors: np.ndarray
-    breaks: np.ndarray
+    links: np.ndarray
     records: np.ndarray
     where: list[tuple[int, int, int]]
     image: np.ndarray
@@ -65,11 +65,16 @@ class Samples:
 def samples(shape: StoredShape, view: tuple[float, float, float], look: Look) -> Samples:
     """Draw one view and look inside."""
     scene = MeshScene(batch_of(shape), look, FOV)
-    images, buffers = scene.images_and_buffers(matrices(cameras(view)))
-    ids, _, colors, breaks, records, where, counts = (array[0] for array in buffers.arrays)
-    width = ids.shape[1]
-    places = [(int(w >> 1) // width, int(w >> 1) % width, int(w & 1)) for w in where[:counts]]
-    return Samples(ids, colors.transpose(2, 0, 1), breaks, records[:counts], places, images[0, 0])
+    seen = scene.see(matrices(cameras(view)))
+    images, painted = scene.paint(seen)
+    ids, width, count = seen.ids[0], seen.ids.shape[2], seen.jumps[0]
+    first, last, left, right = seen.boxes[0]
+    colors, links = np.tile(np.array(look.background, np.float32), (*ids.shape, 1)), np.zeros((*ids.shape, 2), bool)
+    inside = np.s_[first : last + 1, left : right + 1]
+    colors[inside] = painted[0][inside]
+    links[inside] = (seen.links[0][inside][..., None] & [1, 2]) > 0
+    places = [(int(w >> 1) // width, int(w >> 1) % width, int(w & 1)) for w in seen.where[0, :count]]
+    return Samples(ids, colors.transpose(2, 0, 1), links, seen.records[0, :count], places, images[0])
 
 
 def hard_image(shape: StoredShape, view: tuple[float, float, float], look: Look) -> np.ndarray:

@@ -43,7 +43,7 @@ def rays(focal: float, size: int) -> np.ndarray:
 
 def on_grid(point: np.ndarray, focal: float, size: int) -> tuple[int, int]:
     """Return where a point in camera coordinates is on the screen, in 1/256 samples."""
-    place = (point[:2] * focal / point[2] + size / 2) * GRID
+    place = (point[:2] * (focal / point[2]) + size / 2) * GRID
     x, y = np.floor(np.clip(place, -RANGE, RANGE) + 0.5)
     return int(x), int(y)
 

@@ -90,7 +90,8 @@ def blended(found, look):
     size, fine = look.image_size, look.supersample
     pixels = found.colors.astype(np.float64).reshape(3, size, fine, size, fine).mean(axis=(2, 4))
     for record, (j, i, down) in zip(found.records.astype(np.float64), found.where, strict=True):
-        share, slope, jump = record[0], abs(record[1]), record[5:]
+        share, slope = record[0], abs(record[1])
+        jump = record[5] * (found.colors[:, j, i] - found.colors[:, j + down, i + 1 - down]).astype(np.float64)
         if slope > 1 or (slope == 1 and down):
             continue
         if share > 0.5:

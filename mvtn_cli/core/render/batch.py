@@ -22,7 +22,9 @@ class ShapeBatch:
         normals: (ΣV, 3) float32 unit vertex normals.
         colors: (ΣV, 3) float32 in [0, 1], or (0, 3) where no shape of the batch has colours.
         faces: (ΣF, 3) int32, indices within each shape.
-        face_edges, edge_starts, edge_faces: Each shape's `Topology`, one after another.
+        face_edges, edge_starts, edge_faces, creases: Each shape's `Topology`, one after another.
+        solid: (ΣF,) uint8, 1 where a face seen from behind is hidden for certain.
+        radii: (B,) largest distance of a vertex from the origin.
         offsets: (4, B + 1) int64: shape b owns vertices[offsets[0, b]:offsets[0, b + 1]]; rows 1 to 3 are the same for
             faces, edge_starts and edge_faces.
         points: (B, P, 3) float32 tensor, sampled on the surfaces.
@@ -38,6 +40,9 @@ class ShapeBatch:
     face_edges: np.ndarray
     edge_starts: np.ndarray
     edge_faces: np.ndarray
+    creases: np.ndarray
+    solid: np.ndarray
+    radii: np.ndarray
     offsets: np.ndarray
     points: torch.Tensor
     point_colors: np.ndarray | None
@@ -80,6 +85,9 @@ def pack(
         face_edges=np.concatenate([topology.face_edges for topology in topologies]),
         edge_starts=np.concatenate([topology.edge_starts for topology in topologies]),
         edge_faces=np.concatenate([topology.edge_faces for topology in topologies]),
+        creases=np.concatenate([topology.creases for topology in topologies]),
+        solid=np.concatenate([topology.solid for topology in topologies]),
+        radii=np.array([topology.radius for topology in topologies]),
         offsets=np.stack(
             [
                 _offsets([len(shape.vertices) for shape in shapes]),

@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import os
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numba
 import platformdirs
-from numba import njit, parallel_chunksize, prange
+from numba import parallel_chunksize, prange
 
 from mvtn_cli.console import Console
+
+# Divisions follow IEEE 754, without a branch that raises; kernels guard theirs where it matters.
+njit: Any = partial(numba.njit, cache=True, error_model="numpy")
 
 __all__ = ["announce_compilation", "kernel_folder", "njit", "parallel_chunksize", "prange"]
 

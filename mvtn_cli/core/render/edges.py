@@ -3,10 +3,11 @@
 For a horizontal or vertical pair of samples that see different faces we walk over the surface from one sample's face
 towards the other. Either the walk arrives (one continuous surface, no jump), or it ends at an edge beyond which the
 surface turns away or stops: that edge is the silhouette, whatever the winding. Where both surfaces go on, they
-intersect each other, and the jump is where their depths are equal.
+intersect each other, and the jump is where their depths are equal. A surface that goes on may still have a crease on
+the way, where its shading breaks; that is a jump too.
 
 A record holds the crossing's share of the way from p to q, the edge's slope against the pair's normal direction, the
-crossing in camera coordinates (right, down, ahead), and the colour jump C_p - C_q.
+crossing in camera coordinates (right, down, ahead), and its part of the colour jump C_p - C_q.
 """
 
 from __future__ import annotations
@@ -16,126 +17,19 @@ import math
 import numpy as np
 
 from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.walking import joint, plane_inverse_depth, plane_normal, walk
 
-SHARE, SLOPE, X, Y, Z, JUMP = 0, 1, 2, 3, 4, 5
-COLUMNS = 8
-LONGEST_WALK = 64
+SHARE, SLOPE, X, Y, Z, PART = 0, 1, 2, 3, 4, 5
+COLUMNS = 6
 # Pairs whose two planes predict each other's 1/z this well, relative to the mean, are one surface.
 CONTINUOUS = 0.004
+# Cosine between the normals of two samples below which a crease between them is looked for.
+BEND = 0.97
 NO_JUMP, FIRST, SECOND, THIN_GAP, INTERSECTION = 0, 1, 2, 3, 4
 STEEP = 1e9
 
 
-@njit(cache=True)
-def volume_of(camera, i, j, k):
-    """Six times the signed volume of the tetrahedron (eye, i, j, k)."""
-    return (
-        camera[i, 0] * (camera[j, 1] * camera[k, 2] - camera[j, 2] * camera[k, 1])
-        + camera[i, 1] * (camera[j, 2] * camera[k, 0] - camera[j, 0] * camera[k, 2])
-        + camera[i, 2] * (camera[j, 0] * camera[k, 1] - camera[j, 1] * camera[k, 0])
-    )
-
-
-@njit(cache=True)
-def plane_normal(camera, faces, face):
-    """Normal of a face in camera coordinates, not normalised."""
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    ux, uy, uz = camera[b, 0] - camera[a, 0], camera[b, 1] - camera[a, 1], camera[b, 2] - camera[a, 2]
-    vx, vy, vz = camera[c, 0] - camera[a, 0], camera[c, 1] - camera[a, 1], camera[c, 2] - camera[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-
-
-@njit(cache=True)
-def plane_inverse_depth(camera, faces, face, ray_x, ray_y):
-    """1/z of the face's plane along a ray, also outside the face."""
-    nx, ny, nz = plane_normal(camera, faces, face)
-    a = faces[face, 0]
-    offset = nx * camera[a, 0] + ny * camera[a, 1] + nz * camera[a, 2]
-    if offset == 0.0:
-        return 1.0 / max(camera[a, 2], 1e-9)
-    return (nx * ray_x + ny * ray_y + nz) / offset
-
-
-@njit(cache=True)
-def exit_edge(camera, faces, face_edges, face, entered, ray_x, ray_y, step_x, step_y):
-    """Return (corner opposite to the edge by which the moving ray leaves the face, share of the step), or (-1, 1)."""
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    sign = 1.0 if volume_of(camera, a, b, c) >= 0 else -1.0
-    best, corner = 1e30, -1
-    for s in range(3):
-        if face_edges[face, s] == entered:
-            continue
-        p, q = faces[face, (s + 1) % 3], faces[face, (s + 2) % 3]
-        cx = camera[p, 1] * camera[q, 2] - camera[p, 2] * camera[q, 1]
-        cy = camera[p, 2] * camera[q, 0] - camera[p, 0] * camera[q, 2]
-        falling = sign * (cx * step_x + cy * step_y)
-        if falling < 0:
-            cz = camera[p, 0] * camera[q, 1] - camera[p, 1] * camera[q, 0]
-            share = -sign * (cx * ray_x + cy * ray_y + cz) / falling
-            if share < best:
-                best, corner = share, s
-    if corner < 0 or best >= 1.0:
-        return -1, 1.0
-    return corner, best
-
-
-@njit(cache=True)
-def beyond(camera, faces, face_edges, edge_starts, edge_faces, face, corner, ray_x, ray_y):
-    """Return the face that goes on across the edge opposite to `corner`, or -1 where the visible surface ends.
-
-    A face goes on if its third corner lies on the other side of the plane through eye and edge. Of several
-    (non-manifold edge) the nearest just beyond is taken; (ray_x, ray_y) is a ray there.
-    """
-    edge = face_edges[face, corner]
-    i, j = faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
-    side = volume_of(camera, i, j, faces[face, corner]) > 0
-    several = edge_starts[edge + 1] - edge_starts[edge] > 2
-    found, nearest = -1, -1e30
-    for h in range(edge_starts[edge], edge_starts[edge + 1]):
-        other = edge_faces[h]
-        if other == face:
-            continue
-        third = faces[other, 0]
-        for s in range(1, 3):
-            if face_edges[other, s] == edge:
-                third = faces[other, s]
-        if (volume_of(camera, i, j, third) > 0) == side:
-            continue
-        if not several:
-            return other
-        w = plane_inverse_depth(camera, faces, other, ray_x, ray_y)
-        if w > nearest:
-            found, nearest = other, w
-    return found
-
-
-@njit(cache=True)
-def walk(camera, faces, face_edges, edge_starts, edge_faces, start, target, ray_x, ray_y, step_x, step_y):
-    """Walk on the surface from face `start` along one sample step.
-
-    Returns (ended, share, i, j, last face): `ended` says that the surface ends on edge (i, j) at that share.
-    """
-    face, entered, travelled = start, -1, 0.0
-    for _ in range(LONGEST_WALK):
-        corner, share = exit_edge(camera, faces, face_edges, face, entered, ray_x, ray_y, step_x, step_y)
-        if corner < 0:
-            return False, 1.0, -1, -1, face
-        travelled = max(travelled, share)
-        entered = face_edges[face, corner]
-        after = travelled + 0.02
-        following = beyond(
-            camera, faces, face_edges, edge_starts, edge_faces, face, corner,
-            ray_x + after * step_x, ray_y + after * step_y,
-        )  # fmt: skip
-        if following < 0:
-            return True, travelled, faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3], face
-        face = following
-        if face == target:
-            return False, 1.0, -1, -1, face
-    return False, 1.0, -1, -1, face
-
-
-@njit(cache=True)
+@njit
 def set_crossing(record, x, y, z, along_x, along_y, along_z, horizontal):
     """Write a crossing point and the screen slope of the 3-D line through it."""
     screen_x, screen_y = along_x - x / z * along_z, along_y - y / z * along_z
@@ -147,7 +41,7 @@ def set_crossing(record, x, y, z, along_x, along_y, along_z, horizontal):
     record[SLOPE] = min(max(slope, -STEEP), STEEP)
 
 
-@njit(cache=True)
+@njit
 def cross_edge(record, camera, i, j, ray_x, ray_y, horizontal):
     """Write where edge (i, j) crosses the row (or column) of the ray."""
     if horizontal:
@@ -161,7 +55,7 @@ def cross_edge(record, camera, i, j, ray_x, ray_y, horizontal):
     return z > 0
 
 
-@njit(cache=True)
+@njit
 def cross_planes(record, camera, faces, first, second, ray_x, ray_y, step_x, step_y, horizontal):
     """Write where the planes of two faces have equal depth between the samples: surfaces that intersect."""
     start = plane_inverse_depth(camera, faces, first, ray_x, ray_y)
@@ -179,36 +73,71 @@ def cross_planes(record, camera, faces, first, second, ray_x, ray_y, step_x, ste
     return w > 1e-6
 
 
-@njit(cache=True)
-def same_surface(camera, faces, first, second, p_here, q_there, ray_x, ray_y, step_x, step_y):
+@njit
+def same_surface(p_here, q_there, p_change, q_change):
     """Whether each plane predicts the 1/z of the other sample: then no walk is needed."""
     bound = CONTINUOUS * (p_here + q_there)
-    p_there = plane_inverse_depth(camera, faces, first, ray_x + step_x, ray_y + step_y)
-    if not abs(p_there - q_there) < bound:
-        return False
-    return abs(p_here - plane_inverse_depth(camera, faces, second, ray_x, ray_y)) < bound
+    return abs(p_here + p_change - q_there) < bound and abs(q_there - q_change - p_here) < bound
 
 
-@njit(cache=True)
+@njit
+def cross_joint(record, camera, i, j, ray_x, ray_y, step_x, step_y, horizontal):
+    """Write the crease on edge (i, j) between two samples; return how many that are."""
+    cx = camera[i, 1] * camera[j, 2] - camera[i, 2] * camera[j, 1]
+    cy = camera[i, 2] * camera[j, 0] - camera[i, 0] * camera[j, 2]
+    cz = camera[i, 0] * camera[j, 1] - camera[i, 1] * camera[j, 0]
+    change = cx * step_x + cy * step_y
+    if change == 0.0 or not cross_edge(record, camera, i, j, ray_x, ray_y, horizontal):
+        return 0
+    record[SHARE] = min(max(-(cx * ray_x + cy * ray_y + cz) / change, 0.0), 1.0)
+    return 1
+
+
+@njit
+def cross_creases(records, camera, passed, shares, number, ray_x, ray_y, backwards, horizontal):
+    """Write up to two creases that a walk crossed; more are left to the image flow."""
+    if number > shares.shape[0]:
+        return 0
+    for n in range(number):
+        if not cross_edge(records[n], camera, passed[n, 0], passed[n, 1], ray_x, ray_y, horizontal):
+            return 0
+        records[n, SHARE] = 1.0 - shares[n] if backwards else shares[n]
+    return number
+
+
+@njit
 def find_jump(
-    camera, faces, face_edges, edge_starts, edge_faces, first, second, ray_x, ray_y, step_x, step_y, horizontal, records
+    camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, first, second, ray_x, ray_y, step_x, step_y,
+    horizontal, passed, shares, records,
 ):  # fmt: skip
-    """Write the silhouette between two samples into `records` (2, COLUMNS); return (kind, number written)."""
+    """Write what breaks the picture between two samples into `records` (2, COLUMNS).
+
+    Returns:
+        (kind, number): NO_JUMP where one surface goes on, and how many of its creases, or of silhouettes, are written.
+    """
     ended_p, share_p, ip, jp, last_p = False, -1.0, -1, -1, first
     ended_q, share_q, iq, jq, last_q = False, 2.0, -1, -1, second
+    if first >= 0 and second >= 0:
+        corner = joint(camera, faces, face_edges, first, second)
+        if corner >= 0:
+            if (creases[first] >> (first_bit + corner)) & 1 == 0:
+                return NO_JUMP, 0
+            i, j = faces[first, (corner + 1) % 3], faces[first, (corner + 2) % 3]
+            return NO_JUMP, cross_joint(records[0], camera, i, j, ray_x, ray_y, step_x, step_y, horizontal)
     if first >= 0:
-        ended_p, share_p, ip, jp, last_p = walk(
-            camera, faces, face_edges, edge_starts, edge_faces, first, second, ray_x, ray_y, step_x, step_y
-        )
+        ended_p, share_p, ip, jp, last_p, bends = walk(
+            camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, first, second, ray_x, ray_y,
+            step_x, step_y, passed, shares,
+        )  # fmt: skip
         if not ended_p and last_p == second:
-            return NO_JUMP, 0
+            return NO_JUMP, cross_creases(records, camera, passed, shares, bends, ray_x, ray_y, False, horizontal)
     if second >= 0:
-        ended_q, share_q, iq, jq, last_q = walk(
-            camera, faces, face_edges, edge_starts, edge_faces, second, first, ray_x + step_x, ray_y + step_y,
-            -step_x, -step_y,
+        ended_q, share_q, iq, jq, last_q, bends = walk(
+            camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, second, first, ray_x + step_x,
+            ray_y + step_y, -step_x, -step_y, passed, shares,
         )  # fmt: skip
         if not ended_q and last_q == first:
-            return NO_JUMP, 0
+            return NO_JUMP, cross_creases(records, camera, passed, shares, bends, ray_x, ray_y, True, horizontal)
         share_q = 1.0 - share_q
     if ended_p and ended_q and share_p < share_q:
         good_p = cross_edge(records[0], camera, ip, jp, ray_x, ray_y, horizontal)
@@ -243,86 +172,119 @@ def find_jump(
     return INTERSECTION, int(good)
 
 
-@njit(cache=True)
+@njit
+def bends(here, there):
+    """Whether two unit normals are so far apart that it matters where between the samples the crease is."""
+    return here[0] * there[0] + here[1] * there[1] + here[2] * there[2] < BEND
+
+
+@njit
+def note(records, where, count, found, number, at):
+    """Append what was found between two samples; beyond the room it is only counted."""
+    for n in range(number):
+        if not (math.isfinite(found[n, SLOPE]) and found[n, Z] > 0):
+            continue
+        if count < records.shape[0]:
+            for column in range(PART):
+                records[count, column] = found[n, column]
+            records[count, PART] = 1.0 / number
+            where[count] = at
+        count += 1
+    return count
+
+
+@njit
 def find_edges(
-    camera, faces, face_edges, edge_starts, edge_faces, ids, inverse_depth, image, focal, records, where, breaks
-):
-    """Find every jump between neighbouring samples of one view.
+    camera, faces, face_edges, edge_starts, edge_faces, creases, smooth, ids, inverse_depth, planes, sharp, normals,
+    box, focal, first_row, last_row, records, where, links,
+):  # fmt: skip
+    """Find every jump between neighbouring samples in some rows of one view.
 
     Args:
-        ids: (H, W) face ids.
-        inverse_depth: (H, W) 1/z.
-        image: (H, W, 3) colours at the sample centres.
+        camera, faces, face_edges, edge_starts, edge_faces, creases, smooth: The shape, and how it is shaded.
+        ids, inverse_depth, planes, sharp, normals, box: Of `rasterise` and `describe`.
+        focal: In samples.
+        first_row, last_row: Rows whose samples are the first of a pair.
         records: (cap, COLUMNS) float32, filled.
         where: (cap,) int32, filled with 2 * sample + direction (0 right, 1 down).
-        breaks: (H, W, 2) uint8, filled: whether the step to the right and the step down cross a jump.
+        links: (H, W) uint8, filled in the box: bit 0 where the surface goes on smoothly to the right, bit 1 downward.
 
     Returns:
         How many records there are; more than `cap` means that the rest was not written.
     """
     height, width = ids.shape
-    found = np.empty((2, COLUMNS))
+    found, passed, shares = np.empty((2, COLUMNS)), np.empty((2, 2), np.int64), np.empty(2)
+    first_bit = 0 if smooth else 3
     count = 0
-    breaks[:] = 0
-    for j in range(height):
-        for i in range(width):
+    for j in range(max(first_row, box[0] - 1, 0), min(last_row, box[1]) + 1):
+        for i in range(max(box[2] - 1, 0), box[3] + 1):
             first = ids[j, i]
+            links[j, i] = 0
             for down in range(2):
                 i2, j2 = i + 1 - down, j + down
-                if i2 >= width or j2 >= height or ids[j2, i2] == first:
+                if i2 >= width or j2 >= height:
                     continue
                 second = ids[j2, i2]
-                ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
-                step_x, step_y = (1 - down) / focal, down / focal
-                if (
-                    first >= 0
-                    and second >= 0
-                    and same_surface(
-                        camera, faces, first, second, inverse_depth[j, i], inverse_depth[j2, i2], ray_x, ray_y,
-                        step_x, step_y,
+                if second == first:
+                    links[j, i] |= (1 << down) if first >= 0 else 0
+                    continue
+                both, alike, bent = first >= 0 and second >= 0, False, False
+                if both:
+                    bent = sharp[j, i] != 0 and sharp[j2, i2] != 0 and bends(normals[j, i], normals[j2, i2])
+                    alike = same_surface(
+                        inverse_depth[j, i], inverse_depth[j2, i2], planes[j, i, down], planes[j2, i2, down]
                     )
-                ):  # fmt: skip
-                    continue
-                kind, number = find_jump(
-                    camera, faces, face_edges, edge_starts, edge_faces, first, second, ray_x, ray_y, step_x, step_y,
-                    down == 0, found,
-                )  # fmt: skip
-                if kind == NO_JUMP:
-                    continue
-                breaks[j, i, down] = kind
-                for n in range(number):
-                    if not (math.isfinite(found[n, SLOPE]) and found[n, Z] > 0):
+                    if alike and not bent:
+                        links[j, i] |= 1 << down
                         continue
-                    if count < records.shape[0]:
-                        for column in range(JUMP):
-                            records[count, column] = found[n, column]
-                        for channel in range(3):
-                            jump = image[j, i, channel] - image[j2, i2, channel]
-                            records[count, JUMP + channel] = jump / number
-                        where[count] = 2 * (j * width + i) + down
-                    count += 1
+                ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
+                kind, number = find_jump(
+                    camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, first, second, ray_x, ray_y,
+                    (1 - down) / focal, down / focal, down == 0, passed, shares, found,
+                )  # fmt: skip
+                if both and (kind == NO_JUMP or alike):
+                    number = number if kind == NO_JUMP and bent else 0
+                    if number == 0:
+                        links[j, i] |= 1 << down
+                count = note(records, where, count, found, number, 2 * (j * width + i) + down)
     return count
 
 
-@njit(cache=True)
-def blend(records, where, count, supersample, width, out):
+@njit
+def jump_at(image, record, at, width, jump):
+    """Fill `jump` (3,) with C_p - C_q of a record's pair; return the row and column of p."""
+    down, sample = at & 1, at >> 1
+    j, i = sample // width, sample % width
+    for channel in range(3):
+        step = image[j, i, channel] - image[j + down, i + 1 - down, channel]
+        jump[channel] = step * record[PART]
+    return j, i
+
+
+@njit
+def blend(records, where, count, image, supersample, out):
     """Antialias: move each jump from the sample boundary to where it really is; `out` (3,H,W) is in pixels."""
     share_of_pixel = 1.0 / (supersample * supersample)
+    jump = np.empty(3)
     for n in range(count):
         down = where[n] & 1
         slope = abs(records[n, SLOPE])
         # An edge nearer to the vertical is blended along rows, one nearer to the horizontal along columns.
         if slope > 1.0 or (slope == 1.0 and down == 1):
             continue
-        sample = where[n] >> 1
-        j, i = sample // width, sample % width
+        j, i = jump_at(image, records[n], where[n], image.shape[1], jump)
         move = 0.5 - records[n, SHARE]
         if move < 0:
             j, i = j + down, i + 1 - down
         for channel in range(3):
-            out[channel, j // supersample, i // supersample] -= move * records[n, JUMP + channel] * share_of_pixel
+            out[channel, j // supersample, i // supersample] -= move * jump[channel] * share_of_pixel
     # A speck smaller than a sample has a jump on each side, and each takes its share: keep what is left a colour.
-    for channel in range(3):
-        for j in range(out.shape[1]):
-            for i in range(out.shape[2]):
-                out[channel, j, i] = min(max(out[channel, j, i], 0.0), 1.0)
+    for n in range(count):
+        sample = where[n] >> 1
+        j, i = sample // image.shape[1], sample % image.shape[1]
+        for channel in range(3):
+            for down in range(2):
+                v, u = min(j + down, image.shape[0] - 1) // supersample, i // supersample
+                out[channel, v, u] = min(max(out[channel, v, u], 0.0), 1.0)
+            u = min(i + 1, image.shape[1] - 1) // supersample
+            out[channel, j // supersample, u] = min(max(out[channel, j // supersample, u], 0.0), 1.0)

@@ -19,21 +19,11 @@ import math
 import numpy as np
 
 from mvtn_cli.core.render.compiled import njit
-from mvtn_cli.core.render.edges import JUMP, SHARE, SLOPE, X, Y, Z
-from mvtn_cli.core.render.shade import (
-    DIFFUSE,
-    FALLOFF,
-    SHININESS,
-    SPECULAR,
-    barycentric,
-    corner_normals,
-    face_frame,
-    normal_at,
-    power,
-)
+from mvtn_cli.core.render.edges import SHARE, SLOPE, X, Y, Z, jump_at
+from mvtn_cli.core.render.shade import DIFFUSE, FALLOFF, SHININESS, SPECULAR, power, towards_eye
 
 
-@njit(cache=True)
+@njit
 def add_point(moments, gx, gy, gz, x, y, z):
     """Add g (X_c, 1)^T to the (3,4) moments that all terms reduce to."""
     moments[0, 0] += gx * x
@@ -50,151 +40,123 @@ def add_point(moments, gx, gy, gz, x, y, z):
     moments[2, 3] += gz
 
 
-@njit(cache=True)
-def step_product(image, weights, row, column, j, i, j2, i2):
-    """<weight of the pixel, colour step from sample (j, i) to (j2, i2)>."""
-    total = 0.0
-    for channel in range(3):
-        total += weights[channel, row, column] * (image[j2, i2, channel] - image[j, i, channel])
-    return total
+@njit
+def add_samples(
+    depth, normal_image, tint, image, links, box, weights, supersample, focal, rt, follows, lx, ly, lz, albedo,
+    material, moments, by_eye, by_light,
+):  # fmt: skip
+    """Add the image flow of every covered sample, and its shading's dependence on a light that follows the camera.
 
-
-@njit(cache=True)
-def image_slope(ids, image, breaks, weights, row, column, j, i):
-    """Return <weight, dC/dx> and <weight, dC/dy> at a covered sample: half of each step that crosses no jump."""
-    height, width = ids.shape
-    along_x = along_y = 0.0
-    if i > 0 and ids[j, i - 1] >= 0 and breaks[j, i - 1, 0] == 0:
-        along_x += step_product(image, weights, row, column, j, i - 1, j, i)
-    if i < width - 1 and ids[j, i + 1] >= 0 and breaks[j, i, 0] == 0:
-        along_x += step_product(image, weights, row, column, j, i, j, i + 1)
-    if j > 0 and ids[j - 1, i] >= 0 and breaks[j - 1, i, 1] == 0:
-        along_y += step_product(image, weights, row, column, j - 1, i, j, i)
-    if j < height - 1 and ids[j + 1, i] >= 0 and breaks[j, i, 1] == 0:
-        along_y += step_product(image, weights, row, column, j, i, j + 1, i)
-    return 0.5 * along_x, 0.5 * along_y
-
-
-@njit(cache=True)
-def add_interior(ids, inverse_depth, image, breaks, weights, supersample, focal, moments):
-    """Add the image flow of every covered sample."""
-    height, width = ids.shape
-    for j in range(height):
-        for i in range(width):
-            if ids[j, i] < 0:
+    A colour step to a neighbour counts half here and half there, each with its own sample's weight.
+    """
+    height, width = depth.shape
+    shiny = material[SPECULAR] > 0.0
+    for j in range(box[0], box[1] + 1):
+        row = j // supersample
+        for i in range(box[2], box[3] + 1):
+            w = depth[j, i]
+            if w == 0.0:
                 continue
-            sx, sy = image_slope(ids, image, breaks, weights, j // supersample, i // supersample, j, i)
-            if sx == 0.0 and sy == 0.0:
-                continue
+            column, link = i // supersample, links[j, i]
+            left, above = i > box[2] and links[j, i - 1] & 1, j > box[0] and links[j - 1, i] & 2
+            sx = sy = by_albedo = by_white = 0.0
+            for channel in range(3):
+                weight, here = weights[channel, row, column], image[j, i, channel]
+                if link & 1:
+                    sx += weight * (image[j, i + 1, channel] - here)
+                if left:
+                    sx += weight * (here - image[j, i - 1, channel])
+                if link & 2:
+                    sy += weight * (image[j + 1, i, channel] - here)
+                if above:
+                    sy += weight * (here - image[j - 1, i, channel])
+                by_albedo += weight * (albedo[channel] * tint[j, i, channel] if tint.shape[0] > 0 else albedo[channel])
+                by_white += weight
             ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
-            scale = focal * inverse_depth[j, i]
-            z = 1.0 / inverse_depth[j, i]
-            gx, gy = -scale * sx, -scale * sy
-            add_point(moments, gx, gy, -(gx * ray_x + gy * ray_y), ray_x * z, ray_y * z, z)
+            if sx != 0.0 or sy != 0.0:
+                z = 1.0 / w
+                gx, gy = -0.5 * focal * w * sx, -0.5 * focal * w * sy
+                add_point(moments, gx, gy, -(gx * ray_x + gy * ray_y), ray_x * z, ray_y * z, z)
+            if not follows:
+                continue
+            nx, ny, nz = normal_image[j, i, 0], normal_image[j, i, 1], normal_image[j, i, 2]
+            cosine = nx * lx + ny * ly + nz * lz
+            if cosine > 0.0:
+                fall = by_albedo * material[DIFFUSE] * material[FALLOFF] * power(cosine, material[FALLOFF] - 1.0)
+                by_light[0] += fall * nx
+                by_light[1] += fall * ny
+                by_light[2] += fall * nz
+                if shiny and by_white != 0.0:
+                    add_highlight(
+                        rt, ray_x, ray_y, w, nx, ny, nz, lx, ly, lz, cosine, by_white, material, by_eye, by_light
+                    )
 
 
-@njit(cache=True)
-def weight_at(weights, record, supersample, height, width, j, i):
+@njit
+def add_highlight(rt, ray_x, ray_y, w, nx, ny, nz, lx, ly, lz, cosine, by_white, material, by_eye, by_light):
+    """Add the highlight's dependence on eye and light at a fixed surface point."""
+    vx, vy, vz = towards_eye(rt, ray_x, ray_y)
+    facing = nx * vx + ny * vy + nz * vz
+    mirrored = 2.0 * cosine * facing - (lx * vx + ly * vy + lz * vz)
+    if mirrored <= 0.0:
+        return
+    g = by_white * material[SPECULAR] * material[SHININESS] * power(mirrored, material[SHININESS] - 1.0)
+    by_light[0] += g * (2.0 * facing * nx - vx)
+    by_light[1] += g * (2.0 * facing * ny - vy)
+    by_light[2] += g * (2.0 * facing * nz - vz)
+    gx, gy, gz = g * (2.0 * cosine * nx - lx), g * (2.0 * cosine * ny - ly), g * (2.0 * cosine * nz - lz)
+    radial = gx * vx + gy * vy + gz * vz
+    nearness = w / math.sqrt(ray_x * ray_x + ray_y * ray_y + 1.0)
+    by_eye[0] += (gx - radial * vx) * nearness
+    by_eye[1] += (gy - radial * vy) * nearness
+    by_eye[2] += (gz - radial * vz) * nearness
+
+
+@njit
+def weight_at(weights, jump, supersample, height, width, j, i):
     """<weight, colour jump> at a sample, held inside the image."""
     row = min(max(j, 0), height - 1) // supersample
     column = min(max(i, 0), width - 1) // supersample
     total = 0.0
     for channel in range(3):
-        total += weights[channel, row, column] * record[JUMP + channel]
+        total += weights[channel, row, column] * jump[channel]
     return total
 
 
-@njit(cache=True)
-def swept_weight(weights, record, supersample, height, width, j, i, down):
+@njit
+def swept_weight(weights, share, slope, jump, supersample, height, width, j, i, down):
     """Mean of <weight, jump> over the interval that the edge sweeps inside this row (or column) of samples."""
-    share, half = record[SHARE], 0.5 * min(abs(record[SLOPE]), 1.0)
+    half = 0.5 * min(abs(slope), 1.0)
     if half < 5e-4:
         near = 0 if share < 0.5 else 1
-        return weight_at(weights, record, supersample, height, width, j + near * down, i + near * (1 - down))
+        return weight_at(weights, jump, supersample, height, width, j + near * down, i + near * (1 - down))
     # In these coordinates sample n of the row covers [n, n + 1], p being sample 0.
     low, high = share + 0.5 - half, share + 0.5 + half
     total = 0.0
     for n in range(-1, 3):
         overlap = min(high, n + 1.0) - max(low, n + 0.0)
         if overlap > 0.0:
-            at = weight_at(weights, record, supersample, height, width, j + n * down, i + n * (1 - down))
+            at = weight_at(weights, jump, supersample, height, width, j + n * down, i + n * (1 - down))
             total += overlap / (2.0 * half) * at
     return total
 
 
-@njit(cache=True)
-def add_edges(records, where, count, weights, supersample, focal, height, width, moments):
-    """Add the motion of every silhouette crossing."""
+@njit
+def add_edges(records, where, count, image, weights, supersample, focal, moments):
+    """Add the motion of every silhouette and crease."""
+    height, width = image.shape[0], image.shape[1]
+    jump = np.empty(3)
     for n in range(count):
-        record = records[n]
-        down, sample = where[n] & 1, where[n] >> 1
-        slope = record[SLOPE]
-        pull = swept_weight(weights, record, supersample, height, width, sample // width, sample % width, down)
-        pull *= focal / record[Z] / (1.0 + slope * slope)
+        down, slope = where[n] & 1, records[n, SLOPE]
+        j, i = jump_at(image, records[n], where[n], width, jump)
+        pull = swept_weight(weights, records[n, SHARE], slope, jump, supersample, height, width, j, i, down)
+        pull *= focal / records[n, Z] / (1.0 + slope * slope)
         gx, gy = (-slope * pull, pull) if down == 1 else (pull, -slope * pull)
-        gz = -(gx * record[X] + gy * record[Y]) / record[Z]
-        add_point(moments, gx, gy, gz, record[X], record[Y], record[Z])
+        x, y, z = records[n, X], records[n, Y], records[n, Z]
+        add_point(moments, gx, gy, -(gx * x + gy * y) / z, x, y, z)
 
 
-@njit(cache=True)
-def add_following_light(
-    vertices, normals, colors, faces, camera, ids, weights, supersample, smooth, focal, eye, towards, albedo, material,
-    by_eye, by_light,
-):  # fmt: skip
-    """Add d<weights, image>/d(eye, light) at fixed surface points to `by_eye`, `by_light` (3,)."""
-    height, width = ids.shape
-    frame, corners, view, g_view = np.empty((3, 3)), np.empty((4, 3)), np.zeros(3), np.empty(3)
-    last, volume = -1, 0.0
-    a = b = c = 0
-    for j in range(height):
-        for i in range(width):
-            face = ids[j, i]
-            if face < 0:
-                continue
-            if face != last:
-                last = face
-                a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-                volume = face_frame(camera, a, b, c, frame)
-                corner_normals(vertices, normals, a, b, c, volume, smooth, corners)
-            w0, w1, w2 = barycentric(frame, volume, (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal)
-            nx, ny, nz = normal_at(corners, smooth, w0, w1, w2)
-            cosine = nx * towards[0] + ny * towards[1] + nz * towards[2]
-            if cosine <= 0.0:
-                continue
-            by_albedo = by_white = 0.0
-            for channel in range(3):
-                weight = weights[channel, j // supersample, i // supersample]
-                value = albedo[channel]
-                if colors.shape[0] > 0:
-                    value *= w0 * colors[a, channel] + w1 * colors[b, channel] + w2 * colors[c, channel]
-                by_albedo += weight * value
-                by_white += weight
-            steepness = material[FALLOFF] * power(cosine, material[FALLOFF] - 1.0)
-            g_cosine, g_mirror, facing, length = by_albedo * material[DIFFUSE] * steepness, 0.0, 0.0, 1.0
-            if material[SPECULAR] > 0.0:
-                for axis in range(3):
-                    at = w0 * vertices[a, axis] + w1 * vertices[b, axis] + w2 * vertices[c, axis]
-                    view[axis] = eye[axis] - at
-                length = math.sqrt(view[0] ** 2 + view[1] ** 2 + view[2] ** 2 + 1e-30)
-                view /= length
-                facing = nx * view[0] + ny * view[1] + nz * view[2]
-                mirrored = 2.0 * cosine * facing - (towards[0] * view[0] + towards[1] * view[1] + towards[2] * view[2])
-                if mirrored > 0.0:
-                    shininess = material[SHININESS]
-                    g_mirror = by_white * material[SPECULAR] * shininess * power(mirrored, shininess - 1.0)
-            by_light[0] += (g_cosine + 2.0 * facing * g_mirror) * nx - g_mirror * view[0]
-            by_light[1] += (g_cosine + 2.0 * facing * g_mirror) * ny - g_mirror * view[1]
-            by_light[2] += (g_cosine + 2.0 * facing * g_mirror) * nz - g_mirror * view[2]
-            if g_mirror != 0.0:
-                g_view[0] = g_mirror * (2.0 * cosine * nx - towards[0])
-                g_view[1] = g_mirror * (2.0 * cosine * ny - towards[1])
-                g_view[2] = g_mirror * (2.0 * cosine * nz - towards[2])
-                radial = g_view[0] * view[0] + g_view[1] * view[1] + g_view[2] * view[2]
-                for axis in range(3):
-                    by_eye[axis] += (g_view[axis] - radial * view[axis]) / length
-
-
-@njit(cache=True)
+@njit
 def reduce_to_camera(moments, rt, by_eye, by_light, headlight, out):
     """Turn moments and shading terms into `out` (3,4) = dL/d[R|t] of the OpenGL matrix.
 

@@ -1,112 +1,84 @@
 """Images of batches of meshes, with two gradients to the cameras.
 
-`edge-flow` reduces the incoming gradient straight to the twelve numbers of each view's [R|t] (flow.py); `fd` takes
-central differences of the very image that is drawn: four more images a view for azimuth and elevation, two more for
-distance where it is asked for. `fd` is the checker of the other.
+`edge-flow` reduces the incoming gradient straight to the twelve numbers of each view's [R|t] (flow.py); `shading` is
+the part of it that silhouettes and creases have no share in; `fd` takes central differences of the very image that is
+drawn: four more images a view for azimuth and elevation, two more for distance where it is asked for. `fd` is the
+checker of the others.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import torch
 
 from mvtn_cli.core.render.batch import ShapeBatch
 from mvtn_cli.core.render.compiled import njit, parallel_chunksize, prange
-from mvtn_cli.core.render.edges import COLUMNS
+from mvtn_cli.core.render.gbuffer import GBuffers, empty_buffers, with_room
 from mvtn_cli.core.render.look import Look
-from mvtn_cli.core.render.shade import geometry_view
-from mvtn_cli.core.render.view import differentiate_view, draw_view, draw_view_alone
+from mvtn_cli.core.render.skips import EVERYTHING, NO_GRADIENT, SAME_VIEW
+from mvtn_cli.core.render.tally import tally
+from mvtn_cli.core.render.view import differentiate_view, paint_view, see_view
 from mvtn_cli.core.views import camera_rotations
 
+# Samples whose buffers are held at once where no gradient is asked for.
+SAMPLES_AT_ONCE = 4_000_000
 
-@njit(cache=True, parallel=True)
-def draw_views(
-    vertices, normals, colors, faces, face_edges, edge_starts, edge_faces, offsets, rts, shape_of, focal, supersample,
-    smooth, lights, albedos, material, background, weights, images, dots,
+
+@njit(parallel=True)
+def see_views(
+    vertices, normals, colors, faces, face_edges, edge_starts, edge_faces, creases, solid, radii, offsets, rts,
+    shape_of, focal, smooth, skips, ids, depth, normal_images, tints, links, boxes, records, where, jumps, counts,
 ):  # fmt: skip
-    """Draw view n of shape `shape_of[n]` for all n in parallel, keeping no buffers.
+    """Fill the G-buffer of view n of shape `shape_of[n]`, for all n in parallel.
 
-    With `weights` (K,3,H,W) not empty no image is kept either: dots[n] = <weights[n mod K], image n>.
     `offsets` (4, B+1): where each shape's vertices, faces, edges and edge faces begin.
     """
     for n in prange(rts.shape[0]):
         b = shape_of[n]
         v0, v1, f0, f1 = offsets[0, b], offsets[0, b + 1], offsets[1, b], offsets[1, b + 1]
-        keep = weights.shape[0] == 0
-        image = images[n] if keep else np.empty(weights.shape[1:], np.float32)
-        draw_view_alone(
+        jumps[n] = see_view(
             vertices[v0:v1], normals[v0:v1], colors[v0:v1], faces[f0:f1], face_edges[f0:f1],
             edge_starts[offsets[2, b] : offsets[2, b + 1]], edge_faces[offsets[3, b] : offsets[3, b + 1]],
-            rts[n], focal, supersample, smooth, lights[b], no_direction(lights[b]), albedos[b], material, background,
-            image,
+            creases[f0:f1], solid[f0:f1] if outside(rts[n], radii[b]) else solid[:0], rts[n], focal, smooth, skips,
+            ids[n], depth[n], normal_images[n], tints[n], links[n], boxes[n], records[n], where[n], counts[n],
         )  # fmt: skip
-        if not keep:
-            dots[n] = inner_product(weights[n % weights.shape[0]], image)
 
 
-@njit(cache=True)
-def no_direction(light):
-    """Whether this shape's light is a headlight: its direction is zero."""
-    return light[0] == 0.0 and light[1] == 0.0 and light[2] == 0.0
+@njit
+def outside(rt, radius):
+    """Whether the eye is farther from the origin than any vertex; the length of t is its distance."""
+    return rt[0, 3] ** 2 + rt[1, 3] ** 2 + rt[2, 3] ** 2 > radius**2
 
 
-@njit(cache=True)
-def inner_product(a, b):
-    """Sum of products of two (C,H,W) arrays, in float64."""
-    total = 0.0
-    for c in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            for i in range(a.shape[2]):
-                total += a[c, j, i] * b[c, j, i]
-    return total
-
-
-@njit(cache=True, parallel=True)
-def draw_views_keeping(
-    vertices, normals, colors, faces, face_edges, edge_starts, edge_faces, offsets, rts, shape_of, focal, supersample,
-    smooth, lights, albedos, material, background, ids, inverse_depth, samples, breaks, records, where,
-    counts, images,
+@njit(parallel=True)
+def paint_views(
+    rts, shape_of, focal, supersample, lights, albedos, material, background, skips, depth, normal_images, tints, boxes,
+    records, where, jumps, images, out,
 ):  # fmt: skip
-    """Draw every view and keep the sample buffers that the gradient needs."""
+    """Fill `out` (N,3,H,W) and the samples' colours `images` from G-buffers."""
     for n in prange(rts.shape[0]):
         b = shape_of[n]
-        v0, v1, f0, f1 = offsets[0, b], offsets[0, b + 1], offsets[1, b], offsets[1, b + 1]
-        counts[n] = draw_view(
-            vertices[v0:v1], normals[v0:v1], colors[v0:v1], faces[f0:f1], face_edges[f0:f1],
-            edge_starts[offsets[2, b] : offsets[2, b + 1]], edge_faces[offsets[3, b] : offsets[3, b + 1]],
-            rts[n], focal, supersample, smooth, lights[b], no_direction(lights[b]), albedos[b], material, background,
-            ids[n], inverse_depth[n], samples[n], breaks[n], records[n], where[n], images[n],
+        paint_view(
+            rts[n], focal, supersample, lights[b], albedos[b], material, background, skips, depth[n], normal_images[n],
+            tints[n], boxes[n], records[n], where[n], jumps[n], images[n], out[n],
         )  # fmt: skip
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def differentiate_views(
-    vertices, normals, colors, faces, offsets, rts, shape_of, focal, supersample, smooth, lights, albedos,
-    material, ids, inverse_depth, samples, breaks, records, where, counts, weights, out,
+    rts, shape_of, view_of, focal, supersample, lights, albedos, material, depth, normal_images, tints, links, boxes,
+    records, where, jumps, images, weights, out,
 ):  # fmt: skip
-    """Reduce `weights` (N,3,H,W) to `out` (N,3,4), view by view."""
-    for n in prange(rts.shape[0]):
-        b = shape_of[n]
-        v0, v1, f0, f1 = offsets[0, b], offsets[0, b + 1], offsets[1, b], offsets[1, b + 1]
+    """Reduce `weights` (N,3,H,W) to `out` (N,3,4); number n was drawn as view `view_of[n]`."""
+    for n in prange(weights.shape[0]):
+        k = view_of[n]
+        b = shape_of[k]
         differentiate_view(
-            vertices[v0:v1], normals[v0:v1], colors[v0:v1], faces[f0:f1], rts[n], focal, supersample, smooth,
-            lights[b], no_direction(lights[b]), albedos[b], material, ids[n], inverse_depth[n], samples[n], breaks[n],
-            records[n], where[n], counts[n], weights[n], out[n],
+            rts[k], focal, supersample, lights[b], albedos[b], material, depth[k], normal_images[k], tints[k], links[k],
+            boxes[k], records[k], where[k], jumps[k], images[k], weights[n], out[n],
         )  # fmt: skip
-
-
-@njit(cache=True, parallel=True)
-def draw_geometry(vertices, normals, faces, offsets, rts, shape_of, focal, smooth, ids, depth, normal_images):
-    """Fill face ids, depth and world normals at pixel centres, view by view."""
-    for n in prange(rts.shape[0]):
-        b = shape_of[n]
-        v0, v1, f0, f1 = offsets[0, b], offsets[0, b + 1], offsets[1, b], offsets[1, b + 1]
-        geometry_view(
-            vertices[v0:v1], normals[v0:v1], faces[f0:f1], rts[n], focal, smooth, ids[n], depth[n], normal_images[n]
-        )
 
 
 def focal_pixels(image_size: int, fov_deg: float) -> float:
@@ -114,108 +86,87 @@ def focal_pixels(image_size: int, fov_deg: float) -> float:
     return image_size / 2 / math.tan(math.radians(fov_deg) / 2)
 
 
-# Silhouette crossings that there is room for, per row of samples; a view with more is drawn again with enough.
-ROOM = 32
-
-
-@dataclass(frozen=True)
-class Buffers:
-    """What the forward pass keeps for `edge-flow`: about 30 bytes a sample, and 36 a silhouette crossing."""
-
-    rts: np.ndarray
-    arrays: tuple[np.ndarray, ...]
-
-
 class MeshScene:
     """A batch and a look, ready to be drawn from any cameras."""
 
-    def __init__(self, batch: ShapeBatch, look: Look, fov_deg: float) -> None:
-        self.batch, self.look = batch, look
-        self.size = look.image_size
+    def __init__(self, batch: ShapeBatch, look: Look, fov_deg: float, skips: int = EVERYTHING) -> None:
+        self.batch, self.look, self.skips = batch, look, skips
+        self.size, self.side = look.image_size, look.image_size * look.supersample
         self.focal = focal_pixels(look.image_size, fov_deg)
+        self.fine_focal = self.focal * look.supersample
+        self.smooth = look.shading == "smooth"
         light = look.light_direction
-        lights = np.zeros((len(batch), 3)) if light is None else light.astype(np.float64)
-        mesh = (batch.vertices, batch.normals, batch.colors, batch.faces)
-        self.mesh = (*mesh, batch.face_edges, batch.edge_starts, batch.edge_faces, batch.offsets)
-        self.plain_mesh = (*mesh, batch.offsets)
-        albedos = np.ascontiguousarray(look.colors, np.float64)
-        samples = (self.focal * look.supersample, look.supersample, look.shading == "smooth")
-        self.shading = (*samples, lights, albedos, look.material)
+        self.lights = np.zeros((len(batch), 3)) if light is None else light.astype(np.float64)
+        mesh = (batch.vertices, batch.normals, batch.colors, batch.faces, batch.face_edges)
+        self.mesh = (*mesh, batch.edge_starts, batch.edge_faces, batch.creases, batch.solid, batch.radii, batch.offsets)
+        self.albedos = np.ascontiguousarray(look.colors, np.float64)
         self.background = np.array(look.background)
 
-    def _views(self, rts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Flatten (..., B, M, 3, 4) matrices; say which shape each belongs to."""
-        shape_of = np.repeat(np.arange(len(self.batch)), rts.shape[-3])
-        flat = np.ascontiguousarray(rts.reshape(-1, 3, 4))
-        return flat, np.tile(shape_of, len(flat) // len(shape_of))
+    def see(self, rts: np.ndarray) -> GBuffers:
+        """Fill the G-buffers of (B, M, 3, 4) cameras; a (shape, camera) pair that occurs twice is seen once."""
+        flat, shape_of = np.ascontiguousarray(rts.reshape(-1, 3, 4)), np.repeat(np.arange(len(rts)), rts.shape[1])
+        view_of = np.arange(len(flat))
+        if self.skips & SAME_VIEW:
+            rows = np.column_stack([shape_of.view(np.uint64), flat.reshape(-1, 12).view(np.uint64)])
+            _, first, sames = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+            if len(first) < len(flat):
+                flat, shape_of, view_of = flat[first], shape_of[first], sames.reshape(-1)
+        buffers = empty_buffers(flat, shape_of, view_of, self.side, tinted=len(self.batch.colors) > 0)
+        while True:
+            with parallel_chunksize(1):
+                see_views(
+                    *self.mesh, flat, shape_of, self.fine_focal, self.smooth, self.skips, buffers.ids, *buffers.seen,
+                    buffers.links, buffers.boxes, *buffers.edges, buffers.counts,
+                )  # fmt: skip
+            most = int(buffers.jumps.max(initial=0))
+            if most <= buffers.records.shape[1]:
+                break
+            buffers = with_room(buffers, most)
+        tally().add_views(buffers.counts, len(view_of))
+        return buffers
+
+    def paint(self, buffers: GBuffers) -> tuple[np.ndarray, np.ndarray]:
+        """Return the images of all views, (N, 3, H, W) float32, and the colours of their samples."""
+        count = len(buffers.rts)
+        samples = np.empty((count, self.side, self.side, 3), np.float32)
+        out = np.empty((count, 3, self.size, self.size), np.float32)
+        with parallel_chunksize(1):
+            paint_views(
+                buffers.rts, buffers.shape_of, self.fine_focal, self.look.supersample, self.lights, self.albedos,
+                self.look.material, self.background, self.skips, *buffers.seen, buffers.boxes, *buffers.edges, samples,
+                out,
+            )  # fmt: skip
+        return (out if len(buffers.view_of) == count else out[buffers.view_of]), samples
 
     def images(self, rts: np.ndarray) -> np.ndarray:
-        """Draw (B, M, 3, 4) cameras: (B, M, 3, H, W) float32."""
-        flat, shape_of = self._views(rts)
-        images = np.empty((len(flat), 3, self.size, self.size), np.float32)
+        """Draw (B, M, 3, 4) cameras: (B, M, 3, H, W) float32; buffers are kept for a few views at a time only."""
+        views = max(1, SAMPLES_AT_ONCE // (self.side * self.side * max(1, len(rts))))
+        parts = [self.paint(self.see(rts[:, start : start + views]))[0] for start in range(0, rts.shape[1], views)]
+        return np.concatenate([part.reshape(len(rts), -1, 3, self.size, self.size) for part in parts], axis=1)
+
+    def gradient(
+        self, buffers: GBuffers, samples: np.ndarray, weights: np.ndarray, *, edges: bool = True
+    ) -> np.ndarray:
+        """Return d<weights, images>/d[R|t], (N, 3, 4), for the views whose buffers these are."""
+        rows = np.ascontiguousarray(weights.reshape(-1, 3, self.size, self.size), np.float32)
+        out = np.zeros((len(rows), 3, 4))
+        wanted = np.arange(len(rows))
+        if self.skips & NO_GRADIENT:
+            wanted = np.flatnonzero(rows.reshape(len(rows), -1).any(axis=1))
+            tally().count("no-gradient", len(rows) - len(wanted), len(rows))
+        if not len(wanted):
+            return out
+        records, where, jumps = buffers.edges
+        found = np.empty((len(wanted), 3, 4))
         with parallel_chunksize(1):
-            draw_views(
-                *self.mesh, flat, shape_of, *self.shading, self.background, np.empty_like(images[:0]), images,
-                np.empty(0),
+            differentiate_views(
+                buffers.rts, buffers.shape_of, buffers.view_of[wanted], self.fine_focal, self.look.supersample,
+                self.lights, self.albedos, self.look.material, *buffers.seen, buffers.links, buffers.boxes, records,
+                where, jumps if edges else np.zeros_like(jumps), samples,
+                rows if len(wanted) == len(rows) else rows[wanted], found,
             )  # fmt: skip
-        return images.reshape(*rts.shape[:2], 3, self.size, self.size)
-
-    def products(self, rts: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """Return <weights[b, m], image of rts[k, b, m]>, (K, B, M), for K camera sets; no image is kept."""
-        flat, shape_of = self._views(rts)
-        dots = np.empty(len(flat))
-        rows = np.ascontiguousarray(weights.reshape(-1, 3, self.size, self.size), np.float32)
-        with parallel_chunksize(1):
-            draw_views(*self.mesh, flat, shape_of, *self.shading, self.background, rows, rows[:0], dots)
-        return dots.reshape(rts.shape[:3])
-
-    def images_and_buffers(self, rts: np.ndarray) -> tuple[np.ndarray, Buffers]:
-        """Draw (B, M, 3, 4) cameras and keep what `gradient` needs."""
-        flat, shape_of = self._views(rts)
-        count, side = len(flat), self.size * self.look.supersample
-        images = np.empty((count, 3, self.size, self.size), np.float32)
-        samples = (
-            np.empty((count, side, side), np.int32),
-            np.empty((count, side, side)),
-            np.empty((count, side, side, 3), np.float32),
-            np.empty((count, side, side, 2), np.uint8),
-        )
-        room = ROOM * side
-        while True:
-            records = np.empty((count, room, COLUMNS), np.float32)
-            where, counts = np.empty((count, room), np.int32), np.empty(count, np.int64)
-            with parallel_chunksize(1):
-                draw_views_keeping(
-                    *self.mesh, flat, shape_of, *self.shading, self.background, *samples, records, where, counts, images
-                )
-            if counts.max() <= room:
-                break
-            room = int(counts.max())
-        buffers = Buffers(flat, (*samples, records, where, counts))
-        return images.reshape(*rts.shape[:2], 3, self.size, self.size), buffers
-
-    def gradient(self, buffers: Buffers, weights: np.ndarray) -> np.ndarray:
-        """Return d<weights, images>/d[R|t], (B, M, 3, 4), for the views whose buffers these are."""
-        b = len(self.batch)
-        shape_of = np.repeat(np.arange(b), len(buffers.rts) // b)
-        out = np.empty_like(buffers.rts)
-        rows = np.ascontiguousarray(weights.reshape(-1, 3, self.size, self.size), np.float32)
-        arguments: tuple = (*self.plain_mesh, buffers.rts, shape_of, *self.shading, *buffers.arrays, rows, out)
-        with parallel_chunksize(1):
-            differentiate_views(*arguments)
-        return out.reshape(b, -1, 3, 4)
-
-    def geometry(self, rts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return face ids (B,M,H,W) int32, depth (B,M,H,W) and world normals (B,M,3,H,W) at pixel centres."""
-        flat, shape_of = self._views(rts)
-        lead, size = rts.shape[:2], self.size
-        ids = np.empty((len(flat), size, size), np.int32)
-        depth = np.empty((len(flat), size, size), np.float32)
-        normals = np.empty((len(flat), 3, size, size), np.float32)
-        vertices, own_normals, _, faces, offsets = self.plain_mesh
-        smooth = self.look.shading == "smooth"
-        draw_geometry(vertices, own_normals, faces, offsets, flat, shape_of, self.focal, smooth, ids, depth, normals)
-        return ids.reshape(*lead, size, size), depth.reshape(*lead, size, size), normals.reshape(*lead, 3, size, size)
+        out[wanted] = found
+        return out
 
 
 def camera_matrices(azimuth_deg: torch.Tensor, elevation_deg: torch.Tensor, distance: torch.Tensor) -> torch.Tensor:
@@ -230,21 +181,24 @@ def camera_matrices(azimuth_deg: torch.Tensor, elevation_deg: torch.Tensor, dist
 
 
 class EdgeFlow(torch.autograd.Function):
-    """Images (B,M,3,H,W) from matrices (B,M,3,4) float64; backward by `flow.py`."""
+    """Images (B,M,3,H,W) from matrices (B,M,3,4) float64; backward by `flow.py`, with or without its edges."""
 
     @staticmethod
-    def forward(ctx, matrices, scene: MeshScene):
+    def forward(ctx, matrices, scene: MeshScene, edges: bool):
         """Draw every (shape, camera) pair."""
-        ctx.scene = scene
+        ctx.scene, ctx.edges = scene, edges
+        rts = matrices.detach().numpy()
         if not ctx.needs_input_grad[0]:
-            return torch.from_numpy(scene.images(matrices.detach().numpy()))
-        images, ctx.buffers = scene.images_and_buffers(matrices.detach().numpy())
-        return torch.from_numpy(images)
+            return torch.from_numpy(scene.images(rts))
+        ctx.buffers = scene.see(rts)
+        images, ctx.samples = scene.paint(ctx.buffers)
+        return torch.from_numpy(images.reshape(*rts.shape[:2], *images.shape[1:]))
 
     @staticmethod
     def backward(ctx, grad):
         """Reduce straight to each view's [R|t]."""
-        return torch.from_numpy(ctx.scene.gradient(ctx.buffers, grad.detach().numpy())), None
+        found = ctx.scene.gradient(ctx.buffers, ctx.samples, grad.detach().numpy(), edges=ctx.edges)
+        return torch.from_numpy(found.reshape(*grad.shape[:2], 3, 4)), None, None
 
 
 class FiniteDifferences(torch.autograd.Function):
@@ -264,14 +218,13 @@ class FiniteDifferences(torch.autograd.Function):
         wanted = [k for k in range(3) if ctx.needs_input_grad[k]]
         # Distance is in shape radii: a step of as many radii as the angular step has radians moves pixels alike.
         steps = [ctx.step, ctx.step, math.radians(ctx.step)]
-        sets = []
+        grads: list[torch.Tensor | None] = [None] * 5
+        weights = grad.detach().double().cpu().numpy()
         for k in wanted:
+            difference = np.zeros(weights.shape[:2])
             for sign in (1.0, -1.0):
                 moved = [p.double() + sign * steps[k] if q == k else p for q, p in enumerate(parameters)]
-                sets.append(camera_matrices(*moved).numpy())
-        grads: list[torch.Tensor | None] = [None] * 5
-        dots = ctx.scene.products(np.stack(sets), grad.detach().float().cpu().numpy())
-        for position, k in enumerate(wanted):
-            difference = (dots[2 * position] - dots[2 * position + 1]) / (2 * steps[k])
-            grads[k] = torch.from_numpy(difference).to(parameters[k])
+                images = ctx.scene.images(camera_matrices(*moved).numpy())
+                difference += sign * np.einsum("bmchw,bmchw->bm", weights, images)
+            grads[k] = torch.from_numpy(difference / (2 * steps[k])).to(parameters[k])
         return tuple(grads)

@@ -26,20 +26,20 @@ WIDTH_RATIO = math.sqrt(7.0 / 8.0)
 OPAQUE = 0.999
 
 
-@njit(cache=True)
+@njit
 def kernel(u):
     """The 1-D kernel k."""
     return (1.0 - u * u) ** 2 if -1.0 < u < 1.0 else 0.0
 
 
-@njit(cache=True)
+@njit
 def kernel_integral(u):
     """F: the integral of k from 0 to u."""
     u = min(max(u, -1.0), 1.0)
     return u - 2.0 * u**3 / 3.0 + u**5 / 5.0
 
 
-@njit(cache=True)
+@njit
 def pixel_share(centre, sigma, pixel):
     """Return I of one pixel, and its derivatives by centre and by sigma."""
     low, high = (pixel - centre) / sigma, (pixel + 1 - centre) / sigma
@@ -48,7 +48,7 @@ def pixel_share(centre, sigma, pixel):
     return share, k_low - k_high, share / sigma - (high * k_high - low * k_low)
 
 
-@njit(cache=True)
+@njit
 def fill_shares(centre, sigma, size, shares):
     """Fill `shares` (n,3) for the pixels that the kernel reaches; return the first pixel and their number."""
     first = max(0, int(math.floor(centre - sigma)))
@@ -58,7 +58,7 @@ def fill_shares(centre, sigma, size, shares):
     return first, last - first + 1
 
 
-@njit(cache=True)
+@njit
 def to_camera(points, rt, camera):
     """Fill `camera` (P,3) with right, up and the depth ahead of the eye."""
     for i in range(points.shape[0]):
@@ -68,7 +68,7 @@ def to_camera(points, rt, camera):
         camera[i, 2] = -(rt[2, 0] * x + rt[2, 1] * y + rt[2, 2] * z + rt[2, 3])
 
 
-@njit(cache=True)
+@njit
 def on_screen(right, up, ahead, focal, radius, height, width):
     """Return (visible, x, y, sigma) in pixels; not visible behind the eye, outside the image, or not finite."""
     if not ahead > NEAR:
@@ -79,7 +79,7 @@ def on_screen(right, up, ahead, focal, radius, height, width):
     return inside and sigma > 1e-6, x, y, sigma
 
 
-@njit(cache=True)
+@njit
 def draw_points(points, colors, rt, focal, radius, background, image):
     """Fill `image` (3,H,W)."""
     height, width = image.shape[1], image.shape[2]
@@ -108,7 +108,7 @@ def draw_points(points, colors, rt, focal, radius, background, image):
                 image[channel, j, k] += left[j, k] * background[channel]
 
 
-@njit(cache=True)
+@njit
 def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, colour, weights, left, behind):
     """Walk one point's pixels: return dL/dx, dL/dy, dL/dsigma, and take the point out of `left` and `behind`.
 
@@ -135,7 +135,7 @@ def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, 
     return gx, gy, gs
 
 
-@njit(cache=True)
+@njit
 def differentiate_points(points, colors, rt, focal, radius, image, weights, out):
     """Fill `out` (3,4) with d<weights, image>/d[R|t]; `image` is what `draw_points` made."""
     height, width = image.shape[1], image.shape[2]
@@ -172,14 +172,14 @@ def differentiate_points(points, colors, rt, focal, radius, image, weights, out)
         out[2, 3] += g_back
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def draw_all(points, colors, rts, shape_of, focal, radius, background, images):
     """Draw view n of cloud `shape_of[n]`, for all n in parallel."""
     for n in prange(rts.shape[0]):
         draw_points(points[shape_of[n]], colors[shape_of[n]], rts[n], focal, radius, background, images[n])
 
 
-@njit(cache=True, parallel=True)
+@njit(parallel=True)
 def differentiate_all(points, colors, rts, shape_of, focal, radius, images, weights, out):
     """Gradient of every view, in parallel."""
     for n in prange(rts.shape[0]):

@@ -13,6 +13,19 @@ import math
 import numpy as np
 
 from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.skips import (
+    BACKFACE,
+    BEHIND_SOLID,
+    CLIPPED,
+    COVERS_NOTHING,
+    DRAWN,
+    FRUSTUM,
+    HIDDEN,
+    NEAR_CLIP,
+    NO_SAMPLE,
+    OCCLUDED,
+    OUTSIDE,
+)
 
 SUBPIXEL = 256
 HALF = SUBPIXEL // 2
@@ -24,16 +37,18 @@ DEPTH_MARGIN = 1.0 + 5e-7
 NEAR = 0.01
 # Up to this many columns each sample is tested; beyond, the span of each row is found by exact division.
 SMALL = 5
+# Side of an occlusion tile in samples, and after how many faces the tiles are made anew.
+TILE, REFRESH = 16, 4096
 
 
-@njit(cache=True)
+@njit
 def snap(value):
     """Round a screen coordinate (samples) to the 1/256 grid, held within the fixed-point range."""
     scaled = value * SUBPIXEL
     return int(math.floor(min(max(scaled, -LIMIT), LIMIT) + 0.5))
 
 
-@njit(cache=True)
+@njit
 def project(vertices, rt, focal, height, width, camera, screen):
     """Fill `camera` (V,3) and `screen` (V,2) int32; x is BEHIND where the vertex is not in front of the near plane.
 
@@ -46,13 +61,14 @@ def project(vertices, rt, focal, height, width, camera, screen):
         ahead = -(rt[2, 0] * x + rt[2, 1] * y + rt[2, 2] * z + rt[2, 3])
         camera[i, 0], camera[i, 1], camera[i, 2] = right, down, ahead
         if ahead > NEAR:
-            screen[i, 0] = snap(right * focal / ahead + width * 0.5)
-            screen[i, 1] = snap(down * focal / ahead + height * 0.5)
+            scale = focal / ahead
+            screen[i, 0] = snap(right * scale + width * 0.5)
+            screen[i, 1] = snap(down * scale + height * 0.5)
         else:
             screen[i, 0] = BEHIND
 
 
-@njit(cache=True)
+@njit
 def narrow(edge, slope, low, high):
     """Shrink the integer range [low, high] to the i with edge + slope * i >= 0, by exact division."""
     if slope > 0:
@@ -64,19 +80,52 @@ def narrow(edge, slope, low, high):
     return low, high
 
 
-@njit(cache=True)
-def fill_small(
-    edge_a, edge_b, edge_c, right_a, right_b, right_c, down_a, down_b, down_c, left, right, top, bottom, plane_i,
-    plane_j, plane_0, nearest, farthest, face, ids, inverse_depth,
+@njit
+def fill(
+    x0, y0, x1, y1, x2, y2, left, right, top, bottom, face, corners, camera, focal, nearest, farthest, ids,
+    inverse_depth,
 ):  # fmt: skip
-    """Test every sample of a small box; the edge functions are given at column 0 of row `top`, with their steps."""
-    edge_a += right_a * left
-    edge_b += right_b * left
-    edge_c += right_c * left
+    """Write `face` into every sample of the box whose centre lies in the triangle and that it is the nearest for.
+
+    1/z is affine in the sample; it is held between the face's own `farthest` and `nearest`, which keeps edge-on faces
+    from spilling depth. The plane is found at the first sample that is covered: most faces of a dense mesh cover none.
+
+    Returns:
+        Whether any sample centre is covered.
+    """
+    area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
+    if area == 0:
+        return False
+    if area < 0:
+        x1, x2, y1, y2 = x2, x1, y2, y1
+    height, width = ids.shape
+    ax, ay, bx, by, cx, cy = x1 - x0, y1 - y0, x2 - x1, y2 - y1, x0 - x2, y0 - y2
+    # Top-left rule: a sample exactly on an edge belongs to the face for which the edge is a left or a top one.
+    bias_a = 0 if (ay < 0 or (ay == 0 and ax > 0)) else -1
+    bias_b = 0 if (by < 0 or (by == 0 and bx > 0)) else -1
+    bias_c = 0 if (cy < 0 or (cy == 0 and cx > 0)) else -1
+    row_y, column_x = (top << 8) + HALF, (left << 8) + HALF
+    edge_a = ax * (row_y - y0) - ay * (column_x - x0) + bias_a
+    edge_b = bx * (row_y - y1) - by * (column_x - x1) + bias_b
+    edge_c = cx * (row_y - y2) - cy * (column_x - x2) + bias_c
+    right_a, right_b, right_c = -ay * SUBPIXEL, -by * SUBPIXEL, -cy * SUBPIXEL
+    small = right - left < SMALL
+    known, usable, plane_i, plane_j, plane_0 = False, True, 0.0, 0.0, 0.0
     for j in range(top, bottom + 1):
+        first, last = left, right
+        if not small:
+            first, last = narrow(edge_a, right_a, 0, right - left)
+            first, last = narrow(edge_b, right_b, first, last)
+            first, last = narrow(edge_c, right_c, first, last)
+            first, last = first + left, last + left
         a, b, c = edge_a, edge_b, edge_c
-        for i in range(left, right + 1):
-            if (a | b | c) >= 0:
+        for i in range(first, last + 1):
+            if not small or (a | b | c) >= 0:
+                if not known:
+                    known = True
+                    usable, plane_i, plane_j, plane_0 = plane_of(corners, camera, face, focal, height, width)
+                    if not usable:
+                        return True
                 w = min(max(plane_i * i + plane_j * j + plane_0, farthest), nearest)
                 if w > inverse_depth[j, i] * DEPTH_MARGIN:
                     inverse_depth[j, i] = w
@@ -84,61 +133,27 @@ def fill_small(
             a += right_a
             b += right_b
             c += right_c
-        edge_a += down_a
-        edge_b += down_b
-        edge_c += down_c
-
-
-@njit(cache=True)
-def fill(x0, y0, x1, y1, x2, y2, plane_i, plane_j, plane_0, nearest, farthest, face, ids, inverse_depth):
-    """Write `face` into every sample whose centre lies in the triangle and that it is the nearest for.
-
-    1/z = plane_i * i + plane_j * j + plane_0, held between the face's own `farthest` and `nearest` 1/z, which keeps
-    edge-on faces from spilling depth.
-    """
-    area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
-    if area == 0:
-        return
-    if area < 0:
-        x1, x2, y1, y2 = x2, x1, y2, y1
-    height, width = ids.shape
-    left = max(0, (min(x0, x1, x2) + HALF - 1) >> 8)
-    right = min(width - 1, (max(x0, x1, x2) - HALF) >> 8)
-    top = max(0, (min(y0, y1, y2) + HALF - 1) >> 8)
-    bottom = min(height - 1, (max(y0, y1, y2) - HALF) >> 8)
-    if left > right or top > bottom:
-        return
-    ax, ay, bx, by, cx, cy = x1 - x0, y1 - y0, x2 - x1, y2 - y1, x0 - x2, y0 - y2
-    # Top-left rule: a sample exactly on an edge belongs to the face for which the edge is a left or a top one.
-    bias_a = 0 if (ay < 0 or (ay == 0 and ax > 0)) else -1
-    bias_b = 0 if (by < 0 or (by == 0 and bx > 0)) else -1
-    bias_c = 0 if (cy < 0 or (cy == 0 and cx > 0)) else -1
-    row_y = (top << 8) + HALF
-    edge_a = ax * (row_y - y0) - ay * (HALF - x0) + bias_a
-    edge_b = bx * (row_y - y1) - by * (HALF - x1) + bias_b
-    edge_c = cx * (row_y - y2) - cy * (HALF - x2) + bias_c
-    if right - left < SMALL:
-        fill_small(
-            edge_a, edge_b, edge_c, -ay * SUBPIXEL, -by * SUBPIXEL, -cy * SUBPIXEL, ax * SUBPIXEL, bx * SUBPIXEL,
-            cx * SUBPIXEL, left, right, top, bottom, plane_i, plane_j, plane_0, nearest, farthest, face, ids,
-            inverse_depth,
-        )  # fmt: skip
-        return
-    for j in range(top, bottom + 1):
-        first, last = narrow(edge_a, -ay * SUBPIXEL, left, right)
-        first, last = narrow(edge_b, -by * SUBPIXEL, first, last)
-        first, last = narrow(edge_c, -cy * SUBPIXEL, first, last)
-        for i in range(first, last + 1):
-            w = min(max(plane_i * i + plane_j * j + plane_0, farthest), nearest)
-            if w > inverse_depth[j, i] * DEPTH_MARGIN:
-                inverse_depth[j, i] = w
-                ids[j, i] = face
         edge_a += ax * SUBPIXEL
         edge_b += bx * SUBPIXEL
         edge_c += cx * SUBPIXEL
+    return known
 
 
-@njit(cache=True)
+@njit
+def plane_of(faces, camera, face, focal, height, width):
+    """Return (usable, by column, by row, at sample (0, 0)): 1/z of the face's plane as it changes over the image."""
+    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+    ux, uy, uz = camera[b, 0] - camera[a, 0], camera[b, 1] - camera[a, 1], camera[b, 2] - camera[a, 2]
+    vx, vy, vz = camera[c, 0] - camera[a, 0], camera[c, 1] - camera[a, 1], camera[c, 2] - camera[a, 2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    offset = nx * camera[a, 0] + ny * camera[a, 1] + nz * camera[a, 2]
+    if offset == 0.0 or not math.isfinite(offset):
+        return False, 0.0, 0.0, 0.0
+    plane_i, plane_j = nx / (offset * focal), ny / (offset * focal)
+    return True, plane_i, plane_j, nz / offset + plane_i * (0.5 - width * 0.5) + plane_j * (0.5 - height * 0.5)
+
+
+@njit
 def cut_at_near(camera, i, j, focal, height, width):
     """Return the screen point where edge (i, j) crosses the near plane.
 
@@ -152,48 +167,134 @@ def cut_at_near(camera, i, j, focal, height, width):
     return snap(x * focal / NEAR + width * 0.5), snap(y * focal / NEAR + height * 0.5)
 
 
-@njit(cache=True)
-def draw_face(face, faces, camera, screen, focal, ids, inverse_depth, polygon):
-    """Draw one face; `polygon` (4,2) int64 is scratch for a face that straddles the near plane."""
+@njit
+def box_of(x0, y0, x1, y1, x2, y2, height, width):
+    """Return first and last column, first and last row of the sample centres in a box; empty: first > last."""
+    left = max(0, (min(x0, x1, x2) + HALF - 1) >> 8)
+    right = min(width - 1, (max(x0, x1, x2) - HALF) >> 8)
+    top = max(0, (min(y0, y1, y2) + HALF - 1) >> 8)
+    bottom = min(height - 1, (max(y0, y1, y2) - HALF) >> 8)
+    return left, right, top, bottom
+
+
+@njit
+def draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon):
+    """Cut one face at the near plane and draw what is left; `polygon` (4,2) int64 is scratch."""
     height, width = ids.shape
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    xa, xb, xc = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
-    ya, yb, yc = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
-    low = min(xa, xb, xc)
-    all_in_front = low != BEHIND
-    if all_in_front:
-        # Most faces of a dense mesh cover no sample centre: leave before any plane is computed.
-        if max(0, (low + HALF - 1) >> 8) > min(width - 1, (max(xa, xb, xc) - HALF) >> 8):
-            return
-        if max(0, (min(ya, yb, yc) + HALF - 1) >> 8) > min(height - 1, (max(ya, yb, yc) - HALF) >> 8):
-            return
-    elif xa == BEHIND and xb == BEHIND and xc == BEHIND:
-        return
-    za, zb, zc = camera[a, 2], camera[b, 2], camera[c, 2]
-    ux, uy, uz = camera[b, 0] - camera[a, 0], camera[b, 1] - camera[a, 1], zb - za
-    vx, vy, vz = camera[c, 0] - camera[a, 0], camera[c, 1] - camera[a, 1], zc - za
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    offset = nx * camera[a, 0] + ny * camera[a, 1] + nz * za
-    if offset == 0.0 or not math.isfinite(offset):
-        return
-    plane_i, plane_j = nx / (offset * focal), ny / (offset * focal)
-    plane_0 = nz / offset + plane_i * (0.5 - width * 0.5) + plane_j * (0.5 - height * 0.5)
-    farthest = 1.0 / max(za, zb, zc)
-    if all_in_front:
-        nearest = 1.0 / min(za, zb, zc)
-        fill(xa, ya, xb, yb, xc, yc, plane_i, plane_j, plane_0, nearest, farthest, face, ids, inverse_depth)
-        return
-    corners = 0
+    if not plane_of(faces, camera, face, focal, height, width)[0]:
+        return False
+    corners, nearest_z, farthest_z = 0, 1e300, 0.0
     for s in range(3):
         i, j = faces[face, s], faces[face, (s + 1) % 3]
+        nearest_z, farthest_z = min(nearest_z, camera[i, 2]), max(farthest_z, camera[i, 2])
         if camera[i, 2] > NEAR:
             polygon[corners, 0], polygon[corners, 1] = screen[i, 0], screen[i, 1]
             corners += 1
         if (camera[i, 2] > NEAR) != (camera[j, 2] > NEAR):
             polygon[corners, 0], polygon[corners, 1] = cut_at_near(camera, i, j, focal, height, width)
             corners += 1
+    covers = False
     for s in range(1, corners - 1):
-        fill(
-            polygon[0, 0], polygon[0, 1], polygon[s, 0], polygon[s, 1], polygon[s + 1, 0], polygon[s + 1, 1],
-            plane_i, plane_j, plane_0, 1.0 / NEAR, farthest, face, ids, inverse_depth,
+        x0, y0, x1, y1 = polygon[0, 0], polygon[0, 1], polygon[s, 0], polygon[s, 1]
+        x2, y2 = polygon[s + 1, 0], polygon[s + 1, 1]
+        left, right, top, bottom = box_of(x0, y0, x1, y1, x2, y2, height, width)
+        covers |= fill(
+            x0, y0, x1, y1, x2, y2, left, right, max(top, first_row), min(bottom, last_row), face, faces, camera,
+            focal, 1.0 / max(nearest_z, NEAR), 1.0 / farthest_z, ids, inverse_depth,
         )  # fmt: skip
+    return covers
+
+
+@njit
+def refresh_tiles(inverse_depth, first_row, last_row, tiles):
+    """Set each tile to the 1/z of its farthest sample, 0 where any sample is still empty."""
+    tiles[:] = 0.0
+    width = inverse_depth.shape[1]
+    for tile_j in range(first_row // TILE, last_row // TILE + 1):
+        for tile_i in range(tiles.shape[1]):
+            farthest = 1e300
+            for j in range(max(first_row, tile_j * TILE), min(last_row + 1, (tile_j + 1) * TILE)):
+                for i in range(tile_i * TILE, min(width, (tile_i + 1) * TILE)):
+                    farthest = min(farthest, inverse_depth[j, i])
+            tiles[tile_j, tile_i] = farthest if farthest < 1e300 else 0.0
+
+
+@njit
+def hidden(tiles, left, right, top, bottom, nearest):
+    """Whether everything in the box is already covered by what is nearer than 1/z = `nearest`."""
+    for tile_j in range(top // TILE, bottom // TILE + 1):
+        for tile_i in range(left // TILE, right // TILE + 1):
+            if nearest > tiles[tile_j, tile_i]:
+                return False
+    return True
+
+
+@njit
+def seen_from_behind(x0, y0, x1, y1, x2, y2):
+    """Whether the corners, counter-clockwise from outside, appear clockwise; rows grow downward."""
+    return (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0) > 0
+
+
+@njit
+def rasterise(faces, solid, camera, screen, focal, first_row, last_row, skips, ids, inverse_depth, counts):
+    """Draw all faces into some rows of one view, and count what was left out.
+
+    Args:
+        faces: (F, 3).
+        solid: (F,) uint8, 1 where the face seen from behind is hidden for certain (`solids.py`); may be empty.
+        camera, screen: Of `project`.
+        focal: In samples.
+        first_row, last_row: Which rows.
+        skips: Bits of `skips.py`: what may be left out.
+        ids, inverse_depth: (H, W), these rows are filled; -1 and 0 where nothing is seen.
+        counts: (COUNTERS,) int64, added to.
+    """
+    height, width = ids.shape
+    polygon = np.empty((4, 2), np.int64)
+    ids[first_row : last_row + 1] = -1
+    inverse_depth[first_row : last_row + 1] = 0.0
+    number = faces.shape[0]
+    culling = skips & BACKFACE != 0 and solid.shape[0] == number
+    # Tiles pay where many faces lie behind each other; `due` is when they are next made.
+    due = REFRESH if skips & OCCLUDED != 0 and number > 2 * REFRESH else number
+    tiles = np.zeros((height // TILE + 1, width // TILE + 1)) if due < number else np.zeros((1, 1))
+    tiled = False
+    for face in range(number):
+        a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+        x0, x1, x2 = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
+        y0, y1, y2 = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
+        if min(x0, x1, x2) == BEHIND or skips & NEAR_CLIP == 0:
+            counts[CLIPPED] += 1
+            if max(x0, x1, x2) == BEHIND and skips & FRUSTUM != 0:
+                counts[OUTSIDE] += 1
+            elif draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon):
+                counts[DRAWN] += 1
+            else:
+                counts[COVERS_NOTHING] += 1
+            continue
+        left, right, top, bottom = box_of(x0, y0, x1, y1, x2, y2, height, width)
+        top, bottom = max(top, first_row), min(bottom, last_row)
+        if left > right or top > bottom:
+            outside = max(x0, x1, x2) < HALF or min(x0, x1, x2) > width * SUBPIXEL - HALF
+            outside = outside or max(y0, y1, y2) < HALF or min(y0, y1, y2) > height * SUBPIXEL - HALF
+            counts[OUTSIDE if outside else COVERS_NOTHING] += 1
+            if skips & (FRUSTUM if outside else NO_SAMPLE) != 0:
+                continue
+        if culling and solid[face] != 0 and seen_from_behind(x0, y0, x1, y1, x2, y2):
+            counts[BEHIND_SOLID] += 1
+            continue
+        nearest = 1.0 / min(camera[a, 2], camera[b, 2], camera[c, 2])
+        if face >= due:
+            refresh_tiles(inverse_depth, first_row, last_row, tiles)
+            due, tiled = due + REFRESH, True
+        if tiled and hidden(tiles, left, right, top, bottom, nearest):
+            counts[HIDDEN] += 1
+            continue
+        farthest = 1.0 / max(camera[a, 2], camera[b, 2], camera[c, 2])
+        if fill(
+            x0, y0, x1, y1, x2, y2, left, right, top, bottom, face, faces, camera, focal, nearest, farthest, ids,
+            inverse_depth,
+        ):  # fmt: skip
+            counts[DRAWN] += 1
+        elif left <= right and top <= bottom:
+            counts[COVERS_NOTHING] += 1

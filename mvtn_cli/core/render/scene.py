@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -12,10 +12,11 @@ from mvtn_cli.core.render.batch import ShapeBatch
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.mesh import EdgeFlow, FiniteDifferences, MeshScene, camera_matrices, focal_pixels
 from mvtn_cli.core.render.points import RenderPoints
+from mvtn_cli.core.render.skips import EVERYTHING
 from mvtn_cli.core.views import Cameras
 from mvtn_cli.errors import DataError
 
-GRADIENTS = ("edge-flow", "fd", "none")
+GRADIENTS = ("edge-flow", "shading", "fd", "none")
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ def render(
     gradient: str = "edge-flow",
     fd_step_deg: float = 2.0,
     outputs: Collection[str] = (),
+    skips: int = EVERYTHING,
 ) -> Images:
     """Draw every shape of the batch from each of its M cameras.
 
@@ -50,10 +52,12 @@ def render(
         batch: B shapes.
         cameras: (B, M) cameras; tensors of another device are rendered on the CPU and copied back.
         look: Light, colour, size; its `kind` says whether faces or points are drawn.
-        gradient: Carries a gradient to azimuth, elevation and distance: "edge-flow" analytically, "fd" by central
-            differences of the image itself; points have their exact one with both. "none" carries none.
+        gradient: Carries a gradient to azimuth, elevation and distance: "edge-flow" analytically, "shading" without
+            silhouettes and creases, for comparison, "fd" by central differences of the image itself; points have their
+            exact one with all. "none" carries none.
         fd_step_deg: Step of `fd`, degrees.
         outputs: "geometry" asks for face ids, depth and normals (meshes).
+        skips: Bits of `skips.py`: what may be left out.
 
     Raises:
         DataError: Faces are asked of a shape that has none.
@@ -76,17 +80,28 @@ def render(
         raise DataError(
             f"no faces to draw in {', '.join(empty[:3]) or 'this batch'}", hint="draw points instead: --render points"
         )
-    scene = MeshScene(batch, look, cameras.fov_deg)
+    scene = MeshScene(batch, look, cameras.fov_deg, skips)
     parameters = (cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
     matrices = camera_matrices(*parameters)
     if gradient == "fd" and matrices.requires_grad:
         rgb = FiniteDifferences.apply(*parameters, scene, fd_step_deg)
     else:
-        rgb = EdgeFlow.apply(matrices, scene).to(cameras.azimuth_deg.device)
+        rgb = EdgeFlow.apply(matrices, scene, gradient != "shading").to(cameras.azimuth_deg.device)
     if "geometry" not in outputs:
         return Images(rgb=rgb)
-    ids, depth, normals = scene.geometry(matrices.detach().numpy())
-    return Images(rgb=rgb, face_ids=ids, depth=depth, normals=normals)
+    return Images(rgb, *geometry(MeshScene(batch, replace(look, supersample=1), cameras.fov_deg, skips), matrices))
+
+
+def geometry(scene: MeshScene, matrices: torch.Tensor) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return face ids (B,M,H,W) int32, depth (B,M,H,W) and world normals (B,M,3,H,W) at pixel centres."""
+    buffers = scene.see(matrices.detach().numpy())
+    covered = buffers.ids >= 0
+    depth = np.divide(1.0, buffers.depth, out=np.zeros_like(buffers.depth), where=covered)
+    normals = np.where(covered[..., None], buffers.normals, 0.0).transpose(0, 3, 1, 2)
+    lead = matrices.shape[:2]
+    arrays = (array[buffers.view_of] for array in (buffers.ids, depth, normals))
+    ids, depth, normals = (array.reshape(*lead, *array.shape[1:]) for array in arrays)
+    return ids, depth, np.ascontiguousarray(normals)
 
 
 def _points(batch: ShapeBatch, cameras: Cameras, look: Look) -> torch.Tensor:

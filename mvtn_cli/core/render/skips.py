@@ -1,0 +1,47 @@
+"""What a scene does not need, by name: each can be switched off, is counted, and changes nothing but the time.
+
+The kernels take the bits of those that concern them; the rest is decided around them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from mvtn_cli.errors import UsageError, choose_error
+
+FRUSTUM, BACKFACE, NO_SAMPLE, OCCLUDED, BACKGROUND, NEAR_CLIP, SHADING_TERMS = (1 << n for n in range(7))
+NO_GRADIENT, FIXED_VIEWS, POINT_ENCODER, SAME_VIEW = (1 << n for n in range(7, 11))
+BITS = {
+    "frustum": FRUSTUM,
+    "backface": BACKFACE,
+    "no-sample": NO_SAMPLE,
+    "occluded": OCCLUDED,
+    "background": BACKGROUND,
+    "near-clip": NEAR_CLIP,
+    "shading-terms": SHADING_TERMS,
+    "no-gradient": NO_GRADIENT,
+    "fixed-views": FIXED_VIEWS,
+    "point-encoder": POINT_ENCODER,
+    "same-view": SAME_VIEW,
+}
+EVERYTHING = sum(BITS.values())
+# Places in the row of counters that a view's kernels fill.
+SEEN, DRAWN, OUTSIDE, BEHIND_SOLID, COVERS_NOTHING, HIDDEN, CLIPPED, EMPTY_SAMPLES, SAMPLES = range(9)
+COUNTERS = 9
+
+
+def without(names: Iterable[str]) -> int:
+    """The bits of all skips but these.
+
+    Raises:
+        UsageError: A name that no skip has.
+    """
+    bits = EVERYTHING
+    for name in names:
+        if name not in BITS:
+            raise choose_error("skip", name, BITS)
+        bits &= ~BITS[name]
+    return bits
+
+
+__all__ = ["BITS", "EVERYTHING", "UsageError", "without"]
