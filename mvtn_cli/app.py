@@ -40,7 +40,7 @@ COMMANDS = {
     "predict": Door("predict", "Use", "Name the class of each file."),
     "bench": Door("bench", "Look after", "Measure the renderer: error against run time."),
     "cache": Door("cache", "Look after", "Show or clear the stored shapes."),
-    "doctor": Door("doctor", "Look after", "Say what this machine can do, what not, and the fix."),
+    "doctor": Door("doctor", "Look after", "Say what this machine can do, or what is wrong with a data set."),
 }
 
 

@@ -11,7 +11,7 @@ from typing import Any, Literal, Self, get_args
 
 from pydantic import model_validator
 
-from mvtn_cli.bench_config import BenchConfig
+from mvtn_cli.bench_config import BenchConfig, Names
 from mvtn_cli.errors import UsageError, choose_error
 from mvtn_cli.fields import Angles, Config, Supersample, option
 
@@ -53,12 +53,20 @@ class MachineConfig(ShapesConfig):
     threads: int | None = option(None, "CPU threads; auto: all cores", "Machine", ge=1, le=1024)
 
 
+class SkipConfig(Config):
+    """For commands that draw: what a scene does not need is left out, and told on request."""
+
+    no_skip: Names = option((), "Do not leave out: see docs/skips.md", "Machine", metavar="NAME", many=True)
+    explain: bool = option(False, "Say what was left out for these shapes and views, and why", "Answer")
+
+
 class PreprocessConfig(ShapesConfig):
     """From files to stored shapes."""
 
     dataset: str | None = option(
         None,
-        "builtin:shapes, builtin:one-sided, modelnet40:PATH, folder:PATH or a path; "
+        "builtin:shapes, builtin:one-sided, modelnet40:PATH, modelnet10:PATH, shapenet55:PATH, "
+        "scanobjectnn:PATH[@VARIANT], folder:PATH or a path; "
         "auto: the one in mvtn.toml, else the last one preprocessed here, else builtin:shapes",
         "Data",
         argument=True,
@@ -69,6 +77,9 @@ class PreprocessConfig(ShapesConfig):
     max_vertices: int = option(20_000, "Simplify meshes with more vertices", "Data", ge=16, le=10_000_000)
     num_points: int = option(2048, "Points sampled on each surface and stored", "Data", ge=16, le=1_000_000)
     seed: int = option(0, "Seed of the point samples", "Data", ge=0, le=2**32 - 1)
+    explain_layout: bool = option(
+        False, "Print the expected tree of DATASET, or of each kind, and where people get it; do nothing else", "Data"
+    )
 
 
 class PictureConfig(Config):
@@ -157,9 +168,9 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     light: Literal["mixed", "random", "headlight"] = option(
         "mixed", "Light in training: half of the shapes, all, or none from aside; evaluation: headlight", "Pictures"
     )
-    gradient: Literal["edge-flow", "fd", "none"] = option(
+    gradient: Literal["edge-flow", "shading", "fd", "none"] = option(
         "edge-flow",
-        "From picture to camera: edge-flow, fd (central differences), none (an ablation)",
+        "From picture to camera: edge-flow, fd (central differences); ablations: shading (no silhouettes), none",
         "Pictures",
     )
     fd_step: float = option(1.0, "Step of --gradient fd, degrees", "Pictures", ge=0.05, le=20)
@@ -211,7 +222,7 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
         return self
 
 
-class TrainOptions(TrainConfig):
+class TrainOptions(TrainConfig, SkipConfig):
     """`mvtn train`: a training, or several that are compared."""
 
     compare: str | None = option(
@@ -233,7 +244,7 @@ class TrainOptions(TrainConfig):
 
     def training(self) -> TrainConfig:
         """The settings of one training, or those that all trainings of a comparison share."""
-        return TrainConfig.model_validate(self.model_dump(exclude={"compare", "seeds"}))
+        return TrainConfig.model_validate(self.model_dump(exclude={"compare", "seeds", "no_skip", "explain"}))
 
     def selections(self) -> list[str]:
         """The view selections to compare, in full words; empty without `--compare`."""
@@ -251,7 +262,7 @@ class FilesConfig(Config):
     )
 
 
-class EvalConfig(RunsConfig, MachineConfig):
+class EvalConfig(RunsConfig, MachineConfig, SkipConfig):
     """What to measure of a finished training."""
 
     run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True)
@@ -333,8 +344,13 @@ class CacheConfig(CachedConfig):
     yes: bool = option(False, "Really clear", "Cache")
 
 
-class DoctorConfig(RunsConfig, CachedConfig):
-    """What to look at on this machine."""
+class DoctorConfig(RunsConfig, ShapesConfig):
+    """What to look at on this machine, or of a data set."""
+
+    # Not `dataset`: that may stand in mvtn.toml, and a bare `mvtn doctor` is about the machine.
+    data: str | None = option(
+        None, "Data set to examine, as for preprocess; auto: this machine instead", "Data", argument=True
+    )
 
 
 MODELS: dict[str, type[Config]] = {

@@ -1,4 +1,4 @@
-"""`mvtn doctor`: what this machine can do, what not, and the fix."""
+"""`mvtn doctor`: what this machine can do, what not, and the fix; of a data set see `dataset_doctor.py`."""
 
 from __future__ import annotations
 
@@ -48,12 +48,16 @@ class Finding:
 
 
 def doctor(config: DoctorConfig, call: Call) -> None:
-    """Look at Python, packages, devices, threads, back ends, cache, weights, disk and terminal.
+    """Look at Python, packages, devices, threads, back ends, cache, weights, disk and terminal; or at a data set.
 
-    Exits with 1 if something is broken that mvtn needs.
+    Exits with 1 if something is broken that mvtn needs, or if something in the data set would spoil a benchmark.
 
-    Example: mvtn doctor --json
+    Example: mvtn doctor modelnet40:ModelNet40
     """
+    if config.data is not None:
+        from mvtn_cli.commands.dataset_doctor import examine_dataset
+
+        return examine_dataset(config.data, config.workers, call)
     findings: list[Finding] = []
     for check in CHECKS:
         for finding in _safely(check, config, call):
@@ -66,6 +70,7 @@ def doctor(config: DoctorConfig, call: Call) -> None:
         raise MvtnError(f"broken: {', '.join(bad)}", hint="the lines marked bad say how to mend it", code="doctor.bad")
     warnings = sum(finding.state == "warn" for finding in findings)
     call.console.note(f"all that is needed works, {counted(warnings, 'warning')}; next: mvtn preprocess && mvtn train")
+    return None
 
 
 def _safely(

@@ -18,7 +18,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from mvtn_cli.commands.settings import choices_of, in_order, option_name, resolve, to_toml
-from mvtn_cli.config import MODELS, Config
+from mvtn_cli.config import MODELS, SkipConfig, Config
 from mvtn_cli.console import Console, Mode, PipeClosed, close_pipes, help_style
 from mvtn_cli.errors import ExitCode, Interrupted, UsageError
 
@@ -90,7 +90,18 @@ def _invoke(name: str, run: Run, given: dict[str, Any]) -> ExitCode:
     if general["show_config"]:
         console.result({"config": config.model_dump(), "origins": origins}, to_toml(config, origins))
         return ExitCode.OK
-    return run(config, Call(name, console, general["config"], dry_run)) or ExitCode.OK
+    if isinstance(config, SkipConfig) and config.no_skip:
+        from mvtn_cli.core.render.skips import use_skips
+
+        use_skips(config.no_skip)
+    code = run(config, Call(name, console, general["config"], dry_run)) or ExitCode.OK
+    if isinstance(config, SkipConfig) and config.explain:
+        from mvtn_cli.core.render.explaining import explain
+        from mvtn_cli.core.render.tally import tally
+
+        for sentence in explain(tally()):
+            console.note(sentence)
+    return code
 
 
 def _parameters(command: str) -> Iterator[inspect.Parameter]:

@@ -24,6 +24,8 @@ def preprocess(config: PreprocessConfig, call: Call) -> None:
 
     Example: mvtn preprocess folder:my/meshes --on-bad skip
     """
+    if config.explain_layout:
+        return _explain(config.dataset, call)
     from mvtn_cli.core.datasets import open_dataset
     from mvtn_cli.core.preprocess import choose_dataset
     from mvtn_cli.core.preprocess import preprocess as preprocess_dataset
@@ -40,6 +42,32 @@ def preprocess(config: PreprocessConfig, call: Call) -> None:
     made = f"{counted(summary.kept, 'shape')} in {prepared.store.root}, {duration(call.seconds)}"
     console.note(f"{made}; next: mvtn train")
     return None
+
+
+def _explain(spec: str | None, call: Call) -> None:
+    """Print what the data set, or each of them, should look like on disk."""
+    from dataclasses import asdict
+
+    from mvtn_cli.core.datasets.layouts import LAYOUTS, layout_of
+
+    layouts = [layout_of(_kind(spec))] if spec and spec != "all" else list(LAYOUTS.values())
+    document = {"schema": "mvtn.layouts/1", "layouts": [asdict(layout) for layout in layouts]}
+    call.console.result(document, "\n\n\n".join(layout.text() for layout in layouts))
+    call.console.note("nothing is downloaded: unpack a data set, then mvtn doctor DATASET looks at it")
+
+
+def _kind(spec: str) -> str:
+    """Return the word of a data set's kind, by what is in the folder where only a path is given."""
+    from pathlib import Path
+
+    from mvtn_cli.core.datasets import survey
+    from mvtn_cli.core.datasets.layouts import LAYOUTS
+
+    if not Path(spec).exists():
+        return spec
+    dataset = survey(spec)
+    word = dataset.spec.partition(":")[0]
+    return word if word in LAYOUTS else dataset.release.partition("-")[0] or "folder"
 
 
 def _plan(dataset: Dataset, config: PreprocessConfig, call: Call) -> None:

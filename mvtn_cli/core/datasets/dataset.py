@@ -25,8 +25,9 @@ class Item:
         source: What a person is shown: a path, or a path and a row.
         read: Makes the shape; picklable, so that another process can call it.
         content: The bytes that decide what `read` makes (a file's bytes, a generator's parameters);
-        picklable. path: The file behind the item, if it is one file: its size and time tell whether it
-        changed.
+            picklable.
+        path: The file behind the item, if it is one file: its size and time tell whether it changed.
+        subclass: The finer label, where the release has one (ShapeNet's sub-synset), else empty.
     """
 
     name: str
@@ -36,6 +37,22 @@ class Item:
     read: Callable[[], Shape]
     content: Callable[[], bytes]
     path: Path | None = None
+    subclass: str = ""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Shapes that a data set's own list names, but the disk does not have.
+
+    Attributes:
+        part: What they belong to, e.g. `synset 02954340 (cap)`.
+        names: As items would be called.
+        whole: Nothing of that part is there: it was never unpacked.
+    """
+
+    part: str
+    names: tuple[str, ...] = field(repr=False)
+    whole: bool
 
 
 @dataclass(frozen=True)
@@ -48,6 +65,8 @@ class Dataset:
         classes: Class names in the order of the labels; empty where nothing is labelled.
         items: Train before val before test is not promised; the order is the same at each opening.
         known_view: Each shape has an azimuth from which it is best seen (`Shape.known_azimuth_deg`).
+        release: Which distribution this is, one of `official.OFFICIAL`; empty for anybody's own shapes.
+        missing: What its own list names but is not there.
     """
 
     spec: str
@@ -55,6 +74,8 @@ class Dataset:
     classes: tuple[str, ...]
     items: tuple[Item, ...] = field(repr=False)
     known_view: bool = False
+    release: str = ""
+    missing: tuple[Missing, ...] = field(default=(), repr=False)
 
     def count(self, split: str) -> int:
         """Return how many items belong to `split`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,6 +108,17 @@ def must_exist(path: Path) -> Path:
     close = nearest(missing.name, siblings)
     hint = f"did you mean {parent / close}?" if close else f"{parent} is there, '{missing.name}' in it is not"
     raise DataError(f"no such file or folder: {path}", hint=hint, code="dataset.no-such-path")
+
+
+def unwrapped(root: Path, looks_like: Callable[[Path], bool]) -> Path | None:
+    """Return the folder that `looks_like` knows: `root`, or the only folder in it, as archives often unpack."""
+    if looks_like(root):
+        return root
+    if not root.is_dir():
+        return None
+    with os.scandir(root) as entries:
+        inner = [entry.path for entry in entries if entry.is_dir() and not entry.name.startswith((".", "__MACOSX"))]
+    return Path(inner[0]) if len(inner) == 1 and looks_like(Path(inner[0])) else None
 
 
 def unlabelled(paths: Sequence[Path | str], *, up: str = "y", spec: str = "", where: str = "") -> Dataset:

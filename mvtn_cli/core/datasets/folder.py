@@ -127,14 +127,25 @@ def open_listed(root: Path, files: Sequence[Parts], *, up: str, spec: str) -> Da
     return labelled(root, layout, up=up, spec=spec)
 
 
-def labelled(root: Path, layout: Layout, *, up: str, spec: str, kind: str = "", remark: str = "") -> Dataset:
+def labelled(
+    root: Path, layout: Layout, *, up: str, spec: str, kind: str = "", remark: str = "", hint: str = ""
+) -> Dataset:
     """Make the data set of a recognised layout.
+
+    Args:
+        root: The folder.
+        layout: How its files lie.
+        up: The axis that points up in them.
+        spec: The word that opens it again.
+        kind: What it is, for the title; by default the layout's pattern.
+        remark: What else the title should say.
+        hint: What to do if a split is empty; by default about shapes of one's own.
 
     Raises:
         DataError: `train` or `test` is empty.
     """
     classes, splits = layout.classes(), layout.splits()
-    _both_splits(root, layout, Counter(splits))
+    _both_splits(root, layout, Counter(splits), hint)
     label = {name: index for index, name in enumerate(classes)}
     names = unique_names(layout.files, drop=layout.split_part)
     base = str(root.absolute())
@@ -155,7 +166,7 @@ def _title(root: Path, layout: Layout, counts: Counter[str], classes: int, up: s
     return "; ".join([*parts, *([remark] if remark else [])]) + f"; {root}"
 
 
-def _both_splits(root: Path, layout: Layout, counts: Counter[str]) -> None:
+def _both_splits(root: Path, layout: Layout, counts: Counter[str], hint: str) -> None:
     for split in ("train", "test"):
         if counts[split] or (layout.split_part is None and counts["train"]):
             continue
@@ -163,7 +174,7 @@ def _both_splits(root: Path, layout: Layout, counts: Counter[str]) -> None:
         there = ", ".join(f"{count} in '{name}'" for name, count in counts.items())
         raise DataError(
             f"no shapes for split '{split}' in {root}: looked for {root}/{looked}, 0 files matched ({there})",
-            hint=f"put some shapes into '{split}', or use no split folders: CLASS/file is split by itself",
+            hint=hint or f"put some shapes into '{split}', or use no split folders: CLASS/file is split by itself",
             code="dataset.empty-split",
         )
 

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from mvtn_cli.core.datasets.dataset import Dataset, Item
-from mvtn_cli.core.shapes import Shape, cloud
+from mvtn_cli.core.datasets.hdf5 import read_table, row_items
+from mvtn_cli.core.datasets.layouts import where
+from mvtn_cli.core.datasets.official import MODELNET10
 from mvtn_cli.errors import DataError
 
 SPLITS = ("train", "test")
@@ -24,45 +19,6 @@ SPLITS = ("train", "test")
 def is_point_release(root: Path) -> bool:
     """Tell whether `root` holds files named as in the release."""
     return root.is_dir() and any(root.glob("ply_data_*.h5"))
-
-
-@dataclass(frozen=True)
-class ReadRow:
-    """Reads one row of `data` as a point cloud."""
-
-    path: str
-    row: int
-    name: str
-
-    def __call__(self) -> Shape:
-        points = _points(self.path, self.row).astype(np.float64)
-        return cloud(points, name=self.name, source=f"{self.path}[{self.row}]")
-
-
-@dataclass(frozen=True)
-class RowContent:
-    """The bytes of one row of `data`."""
-
-    path: str
-    row: int
-
-    def __call__(self) -> bytes:
-        points = _points(self.path, self.row)
-        return f"points {points.dtype.str} {points.shape} up=y\n".encode() + points.tobytes()
-
-
-def _points(path: str, row: int) -> NDArray[Any]:
-    status = os.stat(path)
-    return _rows(path, status.st_size, status.st_mtime_ns)[row]
-
-
-@lru_cache(maxsize=2)
-def _rows(path: str, size: int, mtime_ns: int) -> NDArray[Any]:
-    """Return `data` (N, P, 3) of a whole file: rows are asked for one after the other."""
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        return np.ascontiguousarray(file["data"][:, :, :3])
 
 
 def open_point_release(
@@ -77,19 +33,27 @@ def open_point_release(
         spec: The word that opens it again.
 
     Raises:
-        DataError: A file or key is missing, a label is out of range, or a split is empty.
+        DataError: A file or key is missing, or is not what it should be.
     """
     names = _class_names(root, default_names)
     kept = [name for name in names if keep is None or name in keep]
     items: list[Item] = []
+    points: Counter[int] = Counter()
     for split in SPLITS:
         for path in _listed(root, split):
-            items += _file_items(path, split, names, kept)
+            table = read_table(path, "the ModelNet40 point release")
+            points[table.points] += len(table.labels)
+            items += row_items(path, table, split, names, path.stem.removeprefix("ply_data_"), kept)
     counts = Counter(item.split for item in items)
     shares = ", ".join(f"{counts[split]} {split}" for split in SPLITS)
-    counted = f"{len(items)} shapes in {len(kept)} classes ({shares})"
+    counted = f"{len(items)} shapes of {_either(points)} points in {len(kept)} classes ({shares})"
     title = f"ModelNet40 point release (HDF5), y up: {counted}; {root}"
-    return Dataset(spec or f"modelnet40:{root.absolute()}", title, tuple(kept), tuple(items))
+    release = "modelnet10-hdf5" if keep is not None and set(keep) == set(MODELNET10) else "modelnet40-hdf5"
+    return Dataset(spec or f"modelnet40:{root.absolute()}", title, tuple(kept), tuple(items), release=release)
+
+
+def _either(points: Counter[int]) -> str:
+    return " or ".join(f"{count:,}" for count in sorted(points))
 
 
 def _class_names(root: Path, default: Sequence[str]) -> list[str]:
@@ -112,46 +76,7 @@ def _listed(root: Path, split: str) -> list[Path]:
         what = f"{missing[0]}, which {listing.name} lists" if missing else f"ply_data_{split}*.h5"
         raise DataError(
             f"no shapes for split '{split}' in {root}: {what}, is not there",
-            hint="unpack modelnet40_ply_hdf5_2048.zip again",
+            hint=f"unpack modelnet40_ply_hdf5_2048.zip again; {where('modelnet40')}",
             code="dataset.empty-split",
         )
     return paths
-
-
-def _file_items(path: Path, split: str, names: Sequence[str], kept: Sequence[str]) -> list[Item]:
-    stem = path.stem.removeprefix("ply_data_")
-    label_of = {name: index for index, name in enumerate(kept)}
-    path = path.absolute()
-    file, items = str(path), []
-    for row, label in enumerate(_labels(path, len(names))):
-        name = names[label]
-        if name not in label_of:
-            continue
-        key = f"{name}/{stem}_{row:04d}"
-        read, content = ReadRow(file, row, key), RowContent(file, row)
-        items.append(Item(key, label_of[name], split, f"{file}[{row}]", read, content, path))
-    return items
-
-
-def _labels(path: Path, classes: int) -> list[int]:
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            shape, labels = file["data"].shape, np.asarray(file["label"]).reshape(-1).astype(np.int64)
-    except (OSError, KeyError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise _bad_file(path, reason) from error
-    if len(shape) != 3 or shape[2] < 3 or shape[0] != len(labels):
-        raise _bad_file(path, f"data has shape {shape} and label has {len(labels)} entries")
-    if len(labels) and (labels.min() < 0 or labels.max() >= classes):
-        raise _bad_file(path, f"label {labels.max()} is out of range for {classes} class names")
-    return [int(label) for label in labels]
-
-
-def _bad_file(path: Path, reason: str) -> DataError:
-    return DataError(
-        f"{path} is not a file of the ModelNet40 point release: {reason}",
-        hint="expected `data` (N, P, 3) and `label` (N, 1), labels counting the lines of shape_names.txt",
-        code="dataset.bad-hdf5",
-    )

@@ -12,7 +12,7 @@ from mvtn_cli.core.render.batch import ShapeBatch
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.mesh import EdgeFlow, FiniteDifferences, MeshScene, camera_matrices, focal_pixels
 from mvtn_cli.core.render.points import RenderPoints
-from mvtn_cli.core.render.skips import EVERYTHING
+from mvtn_cli.core.render.skips import active_skips
 from mvtn_cli.core.views import Cameras
 from mvtn_cli.errors import DataError
 
@@ -44,7 +44,7 @@ def render(
     gradient: str = "edge-flow",
     fd_step_deg: float = 2.0,
     outputs: Collection[str] = (),
-    skips: int = EVERYTHING,
+    skips: int | None = None,
 ) -> Images:
     """Draw every shape of the batch from each of its M cameras.
 
@@ -57,7 +57,7 @@ def render(
             exact one with all. "none" carries none.
         fd_step_deg: Step of `fd`, degrees.
         outputs: "geometry" asks for face ids, depth and normals (meshes).
-        skips: Bits of `skips.py`: what may be left out.
+        skips: Bits of `skips.py`: what may be left out; None: as `use_skips` said.
 
     Raises:
         DataError: Faces are asked of a shape that has none.
@@ -65,6 +65,7 @@ def render(
     """
     if gradient not in GRADIENTS:
         raise ValueError(f"gradient must be one of {GRADIENTS}, got {gradient!r}")
+    skips = active_skips() if skips is None else skips
     counts = {"cameras": len(cameras), "colours": len(look.colors)}
     if look.light_direction is not None:
         counts["lights"] = len(look.light_direction)

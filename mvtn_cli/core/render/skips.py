@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from mvtn_cli.errors import UsageError, choose_error
+from mvtn_cli.errors import choose_error
 
 FRUSTUM, BACKFACE, NO_SAMPLE, OCCLUDED, BACKGROUND, NEAR_CLIP, SHADING_TERMS = (1 << n for n in range(7))
 NO_GRADIENT, FIXED_VIEWS, POINT_ENCODER, SAME_VIEW = (1 << n for n in range(7, 11))
@@ -44,4 +44,19 @@ def without(names: Iterable[str]) -> int:
     return bits
 
 
-__all__ = ["BITS", "EVERYTHING", "UsageError", "without"]
+_active = EVERYTHING
+
+
+def use_skips(but: Iterable[str]) -> None:
+    """Leave out, in this process, whatever may be left out but these.
+
+    Raises:
+        UsageError: A name that no skip has.
+    """
+    global _active
+    _active = without(but)
+
+
+def active_skips() -> int:
+    """The bits that hold in this process."""
+    return _active
