@@ -12,6 +12,7 @@ from reference import scenes
 from reference.drawing import cameras, gradients, image
 
 from mvtn_cli.core.render import GRADIENTS, Look, check_look, pack, render
+from mvtn_cli.core.render.scene import say_where
 from mvtn_cli.errors import DataError, UsageError
 
 SIDE_LIGHT = np.float32([0.48, 0.6, 0.64])
@@ -150,6 +151,23 @@ def test_no_gradient_is_carried_when_none_is_asked_for():
         for mode in set(GRADIENTS) - {"none"}:
             assert render(pack([with_points(SHAPES[0])]), views, look, gradient=mode).rgb.requires_grad
             assert not render(pack([SHAPES[0]]), views.detach(), look, gradient=mode).rgb.requires_grad
+
+
+def test_that_another_device_is_drawn_for_here_is_said_once():
+    say_where.cache_clear()
+    with pytest.warns(RuntimeWarning, match="drawn on the CPU and copied to cuda") as said:
+        say_where("cuda")
+        say_where("cuda")
+        say_where("cpu")
+    assert len(said) == 1
+
+
+def test_shading_alone_has_no_silhouettes():
+    """Ambient light on a white shape: nothing changes but where its outline is."""
+    look, weights = scenes.look(24, ambient=1.0, diffuse=0.0), np.ones((1, 3, 24, 24))
+    views = cameras(VIEWS[0])
+    assert np.abs(gradients(SHAPES[0], views, look, weights)).max() > 1e-3
+    assert not gradients(SHAPES[0], views, look, weights, gradient="shading").any()
 
 
 def test_an_unknown_gradient_is_refused():

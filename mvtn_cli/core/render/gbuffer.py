@@ -10,7 +10,7 @@ from mvtn_cli.core.render.edges import COLUMNS
 from mvtn_cli.core.render.skips import COUNTERS
 
 # Jumps that there is room for, per row of samples; views with more are seen again with enough.
-ROOM = 32
+ROOM = 64
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import torch
@@ -65,6 +67,7 @@ def render(
     """
     if gradient not in GRADIENTS:
         raise ValueError(f"gradient must be one of {GRADIENTS}, got {gradient!r}")
+    say_where(cameras.azimuth_deg.device.type)
     skips = active_skips() if skips is None else skips
     counts = {"cameras": len(cameras), "colours": len(look.colors)}
     if look.light_direction is not None:
@@ -91,6 +94,13 @@ def render(
     if "geometry" not in outputs:
         return Images(rgb=rgb)
     return Images(rgb, *geometry(MeshScene(batch, replace(look, supersample=1), cameras.fov_deg, skips), matrices))
+
+
+@cache
+def say_where(device: str) -> None:
+    """Say once that pictures for another device are drawn here and copied."""
+    if device != "cpu":
+        warnings.warn(f"pictures are drawn on the CPU and copied to {device}", RuntimeWarning, stacklevel=3)
 
 
 def geometry(scene: MeshScene, matrices: torch.Tensor) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
