@@ -29,8 +29,10 @@ class View:
 
 def to_camera(vertices: np.ndarray, rt: np.ndarray) -> np.ndarray:
     """Return (V, 3) float64: right, down, ahead."""
+    x, y, z = vertices.astype(np.float64).T[:, :, None]
     with np.errstate(invalid="ignore", over="ignore"):
-        right_up_back = vertices.astype(np.float64) @ rt[:, :3].T + rt[:, 3]
+        # In this order, and not by BLAS: at exact ties the last bit decides who is seen.
+        right_up_back = x * rt[:, 0] + y * rt[:, 1] + z * rt[:, 2] + rt[:, 3]
     return right_up_back * [1, -1, -1]
 
 
