@@ -18,7 +18,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from mvtn_cli.commands.settings import choices_of, in_order, option_name, resolve, to_toml
-from mvtn_cli.config import MODELS, SkipConfig, Config
+from mvtn_cli.config import MODELS, Config, SkipConfig
 from mvtn_cli.console import Console, Mode, PipeClosed, close_pipes, help_style
 from mvtn_cli.errors import ExitCode, Interrupted, UsageError
 
