@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from mvtn_cli.errors import choose_error
 
 FRUSTUM, BACKFACE, NO_SAMPLE, OCCLUDED, BACKGROUND, NEAR_CLIP, SHADING_TERMS = (1 << n for n in range(7))
-NO_GRADIENT, FIXED_VIEWS, POINT_ENCODER, SAME_VIEW = (1 << n for n in range(7, 11))
+NO_GRADIENT, SAME_VIEW = 1 << 7, 1 << 8
 BITS = {
     "frustum": FRUSTUM,
     "backface": BACKFACE,
@@ -20,8 +20,6 @@ BITS = {
     "near-clip": NEAR_CLIP,
     "shading-terms": SHADING_TERMS,
     "no-gradient": NO_GRADIENT,
-    "fixed-views": FIXED_VIEWS,
-    "point-encoder": POINT_ENCODER,
     "same-view": SAME_VIEW,
 }
 EVERYTHING = sum(BITS.values())
