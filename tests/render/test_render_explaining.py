@@ -77,6 +77,14 @@ def test_the_back_of_proved_bodies_is_never_seen(shape):
     assert (images[0] != images[1]).any(dim=2).float().mean() < 1e-3
 
 
+def test_a_body_that_the_near_plane_cuts_open_shows_its_back():
+    distance = float(np.linalg.norm(scenes.icosahedron().vertices, axis=1).max()) + 0.005
+    shown = render(
+        scenes.batch_of(scenes.icosahedron()), cameras((31.7, 0, distance)), scenes.look(16), outputs=("geometry",)
+    )
+    assert (shown.face_ids >= 0).all()
+
+
 def test_the_back_of_what_is_not_proved_is_drawn():
     tally().clear()
     for shape in (

@@ -17,6 +17,7 @@ from mvtn_cli.core.render.batch import ShapeBatch
 from mvtn_cli.core.render.compiled import njit, parallel_chunksize, prange
 from mvtn_cli.core.render.gbuffer import GBuffers, empty_buffers, with_room
 from mvtn_cli.core.render.look import Look
+from mvtn_cli.core.render.raster import NEAR
 from mvtn_cli.core.render.skips import EVERYTHING, NO_GRADIENT, SAME_VIEW
 from mvtn_cli.core.render.tally import tally
 from mvtn_cli.core.render.view import differentiate_view, paint_view, see_view
@@ -48,8 +49,8 @@ def see_views(
 
 @njit
 def outside(rt, radius):
-    """Whether the eye is farther from the origin than any vertex; the length of t is its distance."""
-    return rt[0, 3] ** 2 + rt[1, 3] ** 2 + rt[2, 3] ** 2 > radius**2
+    """Whether eye and near plane are outside of everything; the length of t is the eye's distance from the origin."""
+    return rt[0, 3] ** 2 + rt[1, 3] ** 2 + rt[2, 3] ** 2 > (radius + NEAR) ** 2
 
 
 @njit(parallel=True)
