@@ -83,10 +83,6 @@ def _document(diagnosis: Diagnosis, call: Call) -> dict[str, Any]:
 
     dataset = diagnosis.dataset
     labels = [item.label for item in dataset.items if dataset.classes]
-    mended: dict[str, int] = {}
-    for _, seen in diagnosis.items("ok"):
-        for name in seen.findings:
-            mended[name] = mended.get(name, 0) + 1
     return {
         "schema": SCHEMA,
         "dataset": dataset.spec,
@@ -107,10 +103,10 @@ def _document(diagnosis: Diagnosis, call: Call) -> dict[str, Any]:
             for group in diagnosis.duplicates
         ],
         "missing": [{"part": part.part, "whole": part.whole, "names": part.names} for part in dataset.missing],
-        "inside_out": [item.name for item, seen in diagnosis.items("ok") if seen.winding == "in"],
+        "inside_out": diagnosis.inside_out,
         "up_axis": axis_document(diagnosis),
         "labels": {"lowest": min(labels, default=None), "highest": max(labels, default=None)},
-        "mended": mended,
+        "mended": dict(diagnosis.mended),
         "seconds": call.seconds,
     }
 

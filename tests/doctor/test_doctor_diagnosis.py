@@ -25,7 +25,7 @@ from release_writers import (
 from mvtn_cli.console import Console
 from mvtn_cli.core.datasets import open_dataset, survey
 from mvtn_cli.core.datasets.official import OFFICIAL, Official
-from mvtn_cli.core.preprocess import examination
+from mvtn_cli.core.preprocess import mapping
 from mvtn_cli.core.preprocess.diagnosis import Check, Diagnosis, count_table, diagnose
 from mvtn_cli.core.preprocess.examination import examine, examine_all
 from mvtn_cli.core.shapes import read_shape
@@ -262,6 +262,6 @@ def test_classes_without_test_shapes_and_sets_without_labels(tmp_path):
 def test_several_processes_find_the_same(monkeypatch):
     items = open_dataset("builtin:shapes?train=20&test=10").items
     alone = examine_all(items, QUIET, 1)
-    monkeypatch.setattr(examination, "START_UP_S", 0.0)
+    monkeypatch.setattr(mapping, "START_UP_S", 0.0)
     assert examine_all(items, QUIET, 2) == alone
     assert {found.state for found in alone} == {"ok"}

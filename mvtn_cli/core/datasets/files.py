@@ -110,14 +110,25 @@ def must_exist(path: Path) -> Path:
     raise DataError(f"no such file or folder: {path}", hint=hint, code="dataset.no-such-path")
 
 
+def entries(folder: Path) -> list[os.DirEntry[str]]:
+    """Return what lies in a folder, in no order; nothing where there is no such folder."""
+    try:
+        with os.scandir(folder) as found:
+            return list(found)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
+def file_names(folder: Path) -> frozenset[str]:
+    """Return the names of what lies in a folder; none where there is no such folder."""
+    return frozenset(entry.name for entry in entries(folder))
+
+
 def unwrapped(root: Path, looks_like: Callable[[Path], bool]) -> Path | None:
     """Return the folder that `looks_like` knows: `root`, or the only folder in it, as archives often unpack."""
     if looks_like(root):
         return root
-    if not root.is_dir():
-        return None
-    with os.scandir(root) as entries:
-        inner = [entry.path for entry in entries if entry.is_dir() and not entry.name.startswith((".", "__MACOSX"))]
+    inner = [entry.path for entry in entries(root) if entry.is_dir() and not entry.name.startswith((".", "__MACOSX"))]
     return Path(inner[0]) if len(inner) == 1 and looks_like(Path(inner[0])) else None
 
 

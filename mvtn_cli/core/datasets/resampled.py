@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mvtn_cli.core.datasets.dataset import Dataset, Item
+from mvtn_cli.core.datasets.files import file_names
 from mvtn_cli.core.datasets.layouts import where
 from mvtn_cli.core.datasets.listed import absent_parts, missing_words, share_words
 from mvtn_cli.core.datasets.official import MODELNET10
@@ -68,7 +69,7 @@ def open_resampled(root: Path, number: int, *, spec: str) -> Dataset:
     names = _class_names(root, lists)
     kept = [name for name in names if number == 40 or name in MODELNET10]
     label_of = {name: index for index, name in enumerate(kept)}
-    there = {name: _file_names(root / name) for name in kept}
+    there = {name: file_names(root / name) for name in kept}
     items: list[Item] = []
     absent: dict[str, list[str]] = {}
     for split in SPLITS:
@@ -111,14 +112,6 @@ def _class_names(root: Path, number: int) -> list[str]:
         hint=f"unpack modelnet40_normal_resampled.zip again; {where('modelnet40')}",
         code="dataset.missing-part",
     )
-
-
-def _file_names(folder: Path) -> frozenset[str]:
-    try:
-        with os.scandir(folder) as entries:
-            return frozenset(entry.name for entry in entries)
-    except FileNotFoundError:
-        return frozenset()
 
 
 def _shapes(path: Path, names: Sequence[str]) -> Iterator[tuple[str, str]]:

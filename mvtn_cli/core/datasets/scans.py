@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mvtn_cli.core.datasets.dataset import Dataset, Item
+from mvtn_cli.core.datasets.files import file_names
 from mvtn_cli.core.datasets.layouts import where
 from mvtn_cli.core.datasets.listed import absent_parts, missing_words, share_words
 from mvtn_cli.core.datasets.official import OFFICIAL
@@ -87,7 +88,7 @@ def open_scans(place: Place, *, background: bool, variant: str, spec: str) -> Da
             hint=f"put it into {folder}; {where('scanobjectnn')}",
             code="dataset.missing-part",
         )
-    there = {name: _file_names(folder / name) for name in CLASSES}
+    there = {name: file_names(folder / name) for name in CLASSES}
     items: list[Item] = []
     absent: dict[str, list[str]] = {}
     for file, label, split in _rows(listing):
@@ -110,15 +111,7 @@ def _item(folder: Path, file: str, name: str, label: int, split: str, background
 
 
 def _has_scan(folder: Path) -> bool:
-    return any(name.endswith(".bin") for name in _file_names(folder))
-
-
-def _file_names(folder: Path) -> frozenset[str]:
-    try:
-        with os.scandir(folder) as entries:
-            return frozenset(entry.name for entry in entries)
-    except (FileNotFoundError, NotADirectoryError):
-        return frozenset()
+    return any(name.endswith(".bin") for name in file_names(folder))
 
 
 def _rows(listing: Path) -> Iterator[tuple[str, int, str]]:

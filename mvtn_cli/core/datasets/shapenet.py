@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from mvtn_cli.core.datasets.dataset import SPLITS, Dataset, Item
-from mvtn_cli.core.datasets.files import file_item
+from mvtn_cli.core.datasets.files import entries, file_item
 from mvtn_cli.core.datasets.layouts import where
 from mvtn_cli.core.datasets.listed import absent_parts, missing_words, share_words
 from mvtn_cli.core.datasets.official import OFFICIAL
@@ -113,11 +113,7 @@ def _split_folder(root: Path, split: str, kind: str) -> Path:
 
 def _by_id(folder: Path) -> dict[str, str]:
     """Return the OBJ files of a split folder by their six digits, from `000003.obj` or `model_000003.obj`."""
-    try:
-        with os.scandir(folder.absolute()) as entries:
-            paths = [entry.path for entry in entries if entry.name.lower().endswith(".obj")]
-    except (FileNotFoundError, NotADirectoryError):
-        return {}
+    paths = [entry.path for entry in entries(folder.absolute()) if entry.name.lower().endswith(".obj")]
     return {os.path.basename(path)[:-4].removeprefix("model_"): path for path in paths}
 
 
@@ -153,11 +149,7 @@ def _synset_words(synset: str) -> str:
 
 
 def _folders(root: Path) -> set[str]:
-    try:
-        with os.scandir(root) as entries:
-            return {entry.name for entry in entries if entry.is_dir()}
-    except (FileNotFoundError, NotADirectoryError):
-        return set()
+    return {entry.name for entry in entries(root) if entry.is_dir()}
 
 
 def _no_list(root: Path) -> DataError:

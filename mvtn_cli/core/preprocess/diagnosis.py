@@ -77,6 +77,16 @@ class Diagnosis:
         """Names of the checks that would spoil a benchmark."""
         return [check.name for check in self.checks if check.state == "bad"]
 
+    @property
+    def mended(self) -> Counter[str]:
+        """How many usable shapes have each finding that preprocessing mends."""
+        return Counter(name for _, seen in self.items("ok") for name in seen.findings)
+
+    @property
+    def inside_out(self) -> list[str]:
+        """Names of the usable meshes whose faces look inward."""
+        return [item.name for item, seen in self.items("ok") if seen.winding == "in"]
+
     def items(self, state: str) -> list[tuple[Item, Examined]]:
         """Return the items in a state, with what was found."""
         return [pair for pair in zip(self.dataset.items, self.examined, strict=True) if pair[1].state == state]
@@ -173,8 +183,7 @@ def _shapes(diagnosis: Diagnosis) -> Iterator[Check]:
         words = [f"{item.name} ({seen.reason[:100]})" for item, seen in found]
         yield Check(state, "bad" if found else "ok", len(found), _some(words) if found else fine)
     yield _labels(diagnosis.dataset)
-    mended = Counter(name for _, seen in diagnosis.items("ok") for name in seen.findings)
-    census = ", ".join(f"{count:,} {name}" for name, count in mended.most_common())
+    census = ", ".join(f"{count:,} {name}" for name, count in diagnosis.mended.most_common())
     count = sum(bool(seen.findings) for _, seen in diagnosis.items("ok"))
     yield Check("mended", "ok", count, f"shapes by what preprocess mends: {census}" if census else "nothing to mend")
 
@@ -207,7 +216,7 @@ def _geometry(diagnosis: Diagnosis) -> Iterator[Check]:
     usable = diagnosis.items("ok")
     meshes = [(item, seen) for item, seen in usable if seen.winding is not None]
     if meshes:
-        inside = [item.name for item, seen in meshes if seen.winding == "in"]
+        inside = diagnosis.inside_out
         words = f"inside out: {_some(inside)}; pictures show both sides, so it does no harm here"
         fine = f"no mesh of {len(meshes):,} is inside out"
         yield Check("winding", "warn" if inside else "ok", len(inside), words if inside else fine)

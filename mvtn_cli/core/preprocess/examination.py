@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from mvtn_cli.console import Console
 from mvtn_cli.core.datasets import Item
 from mvtn_cli.core.preprocess.clues import Winding, asymmetry, fingerprint, winding
-from mvtn_cli.core.preprocess.mapping import LARGEST_BATCH, START_UP_S, _deaf_to_ctrl_c, worker_count
+from mvtn_cli.core.preprocess.mapping import Numbered, map_items, worker_count
 from mvtn_cli.core.shapes import Shape, sample_surface, validate
 from mvtn_cli.errors import Interrupted, MvtnError
 
@@ -54,7 +53,7 @@ def examine_all(items: Sequence[Item], console: Console, workers: int | None = N
     numbered = list(enumerate(items))
     try:
         with console.progress("examine", total=len(items)) as ticker:
-            for batch in _map(numbered, worker_count(workers)):
+            for batch in map_items(_examine_batch, numbered, worker_count(workers)):
                 done.update(batch)
                 ticker.advance(len(batch))
     except KeyboardInterrupt:
@@ -62,30 +61,7 @@ def examine_all(items: Sequence[Item], console: Console, workers: int | None = N
     return [done[index] for index in range(len(items))]
 
 
-def _map(items: Sequence[tuple[int, Item]], workers: int) -> Iterator[list[tuple[int, Examined]]]:
-    """Begin in this process; what is left after the time that starting others would take goes to them."""
-    start = time.monotonic()
-    for done, item in enumerate(items):
-        if workers > 1 and len(items) - done > 1 and time.monotonic() - start >= START_UP_S:
-            yield from _map_in_processes(items[done:], workers)
-            return
-        yield _examine_batch([item])
-
-
-def _map_in_processes(items: Sequence[tuple[int, Item]], workers: int) -> Iterator[list[tuple[int, Examined]]]:
-    from joblib import Parallel, delayed
-    from joblib.externals.loky import get_reusable_executor
-
-    size = min(max(len(items) // (workers * 16), 1), LARGEST_BATCH)
-    batches = [items[start : start + size] for start in range(0, len(items), size)]
-    parallel = Parallel(n_jobs=min(workers, len(batches)), batch_size=1, return_as="generator_unordered")
-    with _deaf_to_ctrl_c():
-        results = parallel(delayed(_examine_batch)(batch) for batch in batches)
-    yield from results
-    get_reusable_executor().shutdown(wait=False)
-
-
-def _examine_batch(items: Sequence[tuple[int, Item]]) -> list[tuple[int, Examined]]:
+def _examine_batch(items: Sequence[Numbered]) -> list[tuple[int, Examined]]:
     return [(index, examine(item)) for index, item in items]
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 
 from mvtn_cli.core.datasets import Item
+from mvtn_cli.core.preprocess.mapping import Numbered
 from mvtn_cli.core.preprocess.settings import Settings
 from mvtn_cli.core.shapes import (
     Finding,
@@ -26,7 +27,6 @@ from mvtn_cli.core.store import Store, StoredShape
 from mvtn_cli.errors import MvtnError
 
 State = Literal["made", "reused", "remade", "rejected"]
-Numbered: TypeAlias = tuple[int, Item]  # an item with its place in the data set
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The map over shapes, here or in several processes."""
+"""The map over the items of a data set, here or in several processes."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeAlias, TypeVar
 
-from mvtn_cli.core.preprocess.making import Numbered, Outcome, make_all
-from mvtn_cli.core.preprocess.settings import Settings
-from mvtn_cli.core.store import Store
+from mvtn_cli.core.datasets import Item
+
+Numbered: TypeAlias = tuple[int, Item]  # an item with its place in the data set
+Result = TypeVar("Result")
+Work: TypeAlias = Callable[[Sequence[Numbered]], list[tuple[int, Result]]]  # picklable, for other processes
 
 START_UP_S = 1.5  # what a worker process costs before its first shape
 LARGEST_BATCH = 64
 
 
-def map_items(
-    store: Store, items: Sequence[Numbered], settings: Settings, workers: int
-) -> Iterator[list[tuple[int, Outcome]]]:
-    """Make the items' shapes and yield outcomes as they come, in no particular order.
+def map_items(work: Work[Result], items: Sequence[Numbered], workers: int) -> Iterator[list[tuple[int, Result]]]:
+    """Do the work on all items and yield results, batch by batch, as they come, in no particular order.
 
     Work begins in this process; only what is left after the time that starting others would take goes to
     them. So a few small shapes never wait for a worker, and a few huge ones still share the cores.
@@ -28,14 +29,14 @@ def map_items(
     start = time.monotonic()
     for done, item in enumerate(items):
         if workers > 1 and len(items) - done > 1 and time.monotonic() - start >= START_UP_S:
-            yield from _map_in_processes(store, items[done:], settings, workers)
+            yield from _map_in_processes(work, items[done:], workers)
             return
-        yield make_all(store, [item], settings)
+        yield work([item])
 
 
 def _map_in_processes(
-    store: Store, items: Sequence[Numbered], settings: Settings, workers: int
-) -> Iterator[list[tuple[int, Outcome]]]:
+    work: Work[Result], items: Sequence[Numbered], workers: int
+) -> Iterator[list[tuple[int, Result]]]:
     from joblib import Parallel, delayed
     from joblib.externals.loky import get_reusable_executor
 
@@ -43,8 +44,8 @@ def _map_in_processes(
     batches = [items[start : start + size] for start in range(0, len(items), size)]
     parallel = Parallel(n_jobs=min(workers, len(batches)), batch_size=1, return_as="generator_unordered")
     with _deaf_to_ctrl_c():
-        outcomes = parallel(delayed(make_all)(store, batch, settings) for batch in batches)
-    yield from outcomes
+        results = parallel(delayed(work)(batch) for batch in batches)
+    yield from results
     get_reusable_executor().shutdown(wait=False)  # a training that follows would carry idle workers along
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from functools import partial
 
 from mvtn_cli.config import PreprocessConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.datasets import Dataset, Item
 from mvtn_cli.core.preprocess.last import remember_last
-from mvtn_cli.core.preprocess.making import Numbered, Outcome
-from mvtn_cli.core.preprocess.mapping import map_items, worker_count
+from mvtn_cli.core.preprocess.making import Outcome, make_all
+from mvtn_cli.core.preprocess.mapping import Numbered, map_items, worker_count
 from mvtn_cli.core.preprocess.memory import Memory
 from mvtn_cli.core.preprocess.prepared import Prepared, Record
 from mvtn_cli.core.preprocess.settings import Settings
@@ -98,7 +99,7 @@ def _make_missing(
         for path in {item.path for _, item in todo if item.path is not None}:
             memory.stamp(path)  # before its content is read, so that a change in between is seen next time
     with console.progress("preprocess", total=len(todo)) as ticker:
-        for outcomes in map_items(store, todo, settings, workers):
+        for outcomes in map_items(partial(make_all, store, settings=settings), todo, workers):
             for index, outcome in outcomes:
                 done[index] = outcome
                 if memory is not None:

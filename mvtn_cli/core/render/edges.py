@@ -17,7 +17,8 @@ import math
 import numpy as np
 
 from mvtn_cli.core.render.compiled import njit
-from mvtn_cli.core.render.walking import joint, plane_inverse_depth, plane_normal, walk
+from mvtn_cli.core.render.raster import plane_normal
+from mvtn_cli.core.render.walking import joint, plane_inverse_depth, walk
 
 SHARE, SLOPE, X, Y, Z, PART = 0, 1, 2, 3, 4, 5
 COLUMNS = 6
@@ -25,7 +26,6 @@ COLUMNS = 6
 CONTINUOUS = 0.004
 # Cosine between the normals of two samples below which a crease between them is looked for.
 BEND = 0.97
-NO_JUMP, FIRST, SECOND, THIN_GAP, INTERSECTION = 0, 1, 2, 3, 4
 STEEP = 1e9
 
 
@@ -113,7 +113,7 @@ def find_jump(
     """Write what breaks the picture between two samples into `records` (2, COLUMNS).
 
     Returns:
-        (kind, number): NO_JUMP where one surface goes on, and how many of its creases, or of silhouettes, are written.
+        (whether one surface goes on, how many of its creases, or of silhouettes, are written).
     """
     ended_p, share_p, ip, jp, last_p = False, -1.0, -1, -1, first
     ended_q, share_q, iq, jq, last_q = False, 2.0, -1, -1, second
@@ -121,29 +121,29 @@ def find_jump(
         corner = joint(camera, faces, face_edges, first, second)
         if corner >= 0:
             if (creases[first] >> (first_bit + corner)) & 1 == 0:
-                return NO_JUMP, 0
+                return True, 0
             i, j = faces[first, (corner + 1) % 3], faces[first, (corner + 2) % 3]
-            return NO_JUMP, cross_joint(records[0], camera, i, j, ray_x, ray_y, step_x, step_y, horizontal)
+            return True, cross_joint(records[0], camera, i, j, ray_x, ray_y, step_x, step_y, horizontal)
     if first >= 0:
         ended_p, share_p, ip, jp, last_p, bends = walk(
             camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, first, second, ray_x, ray_y,
             step_x, step_y, passed, shares,
         )  # fmt: skip
         if not ended_p and last_p == second:
-            return NO_JUMP, cross_creases(records, camera, passed, shares, bends, ray_x, ray_y, False, horizontal)
+            return True, cross_creases(records, camera, passed, shares, bends, ray_x, ray_y, False, horizontal)
     if second >= 0:
         ended_q, share_q, iq, jq, last_q, bends = walk(
             camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, second, first, ray_x + step_x,
             ray_y + step_y, -step_x, -step_y, passed, shares,
         )  # fmt: skip
         if not ended_q and last_q == first:
-            return NO_JUMP, cross_creases(records, camera, passed, shares, bends, ray_x, ray_y, True, horizontal)
+            return True, cross_creases(records, camera, passed, shares, bends, ray_x, ray_y, True, horizontal)
         share_q = 1.0 - share_q
     if ended_p and ended_q and share_p < share_q:
         good_p = cross_edge(records[0], camera, ip, jp, ray_x, ray_y, horizontal)
         good_q = cross_edge(records[1], camera, iq, jq, ray_x, ray_y, horizontal)
         records[0, SHARE], records[1, SHARE] = share_p, share_q
-        return THIN_GAP, 2 if good_p and good_q else 0
+        return False, 2 if good_p and good_q else 0
     owner_is_p = ended_p
     if ended_p and ended_q:
         middle = 0.5 * (share_p + share_q)
@@ -158,18 +158,18 @@ def find_jump(
         w_q = plane_inverse_depth(camera, faces, last_q, x, y)
         if (w_p < w_q) == ended_p:
             good = cross_planes(records[0], camera, faces, last_p, last_q, ray_x, ray_y, step_x, step_y, horizontal)
-            return INTERSECTION, int(good)
+            return False, int(good)
     if owner_is_p:
         records[0, SHARE] = share_p
-        return FIRST, int(cross_edge(records[0], camera, ip, jp, ray_x, ray_y, horizontal))
+        return False, int(cross_edge(records[0], camera, ip, jp, ray_x, ray_y, horizontal))
     if ended_q:
         records[0, SHARE] = share_q
-        return SECOND, int(cross_edge(records[0], camera, iq, jq, ray_x, ray_y, horizontal))
+        return False, int(cross_edge(records[0], camera, iq, jq, ray_x, ray_y, horizontal))
     if first < 0 or second < 0:
         # The walk left the image of the surface without an edge: it was longer than LONGEST_WALK.
-        return NO_JUMP, 0
+        return True, 0
     good = cross_planes(records[0], camera, faces, last_p, last_q, ray_x, ray_y, step_x, step_y, horizontal)
-    return INTERSECTION, int(good)
+    return False, int(good)
 
 
 @njit
@@ -238,12 +238,12 @@ def find_edges(
                         links[j, i] |= 1 << down
                         continue
                 ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
-                kind, number = find_jump(
+                goes_on, number = find_jump(
                     camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, first, second, ray_x, ray_y,
                     (1 - down) / focal, down / focal, down == 0, passed, shares, found,
                 )  # fmt: skip
-                if both and (kind == NO_JUMP or alike):
-                    number = number if kind == NO_JUMP and bent else 0
+                if both and (goes_on or alike):
+                    number = number if goes_on and bent else 0
                     if number == 0:
                         links[j, i] |= 1 << down
                 count = note(records, where, count, found, number, 2 * (j * width + i) + down)

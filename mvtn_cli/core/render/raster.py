@@ -82,7 +82,7 @@ def narrow(edge, slope, low, high):
 
 @njit
 def fill(
-    x0, y0, x1, y1, x2, y2, left, right, top, bottom, face, corners, camera, focal, nearest, farthest, ids,
+    x0, y0, x1, y1, x2, y2, left, right, top, bottom, face, faces, camera, focal, nearest, farthest, ids,
     inverse_depth,
 ):  # fmt: skip
     """Write `face` into every sample of the box whose centre lies in the triangle and that it is the nearest for.
@@ -123,7 +123,7 @@ def fill(
             if not small or (a | b | c) >= 0:
                 if not known:
                     known = True
-                    usable, plane_i, plane_j, plane_0 = plane_of(corners, camera, face, focal, height, width)
+                    usable, plane_i, plane_j, plane_0 = plane_of(faces, camera, face, focal, height, width)
                     if not usable:
                         return True
                 w = min(max(plane_i * i + plane_j * j + plane_0, farthest), nearest)
@@ -140,12 +140,19 @@ def fill(
 
 
 @njit
-def plane_of(faces, camera, face, focal, height, width):
-    """Return (usable, by column, by row, at sample (0, 0)): 1/z of the face's plane as it changes over the image."""
+def plane_normal(camera, faces, face):
+    """Normal of a face in camera coordinates, not normalised."""
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     ux, uy, uz = camera[b, 0] - camera[a, 0], camera[b, 1] - camera[a, 1], camera[b, 2] - camera[a, 2]
     vx, vy, vz = camera[c, 0] - camera[a, 0], camera[c, 1] - camera[a, 1], camera[c, 2] - camera[a, 2]
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@njit
+def plane_of(faces, camera, face, focal, height, width):
+    """Return (usable, by column, by row, at sample (0, 0)): 1/z of the face's plane as it changes over the image."""
+    a = faces[face, 0]
+    nx, ny, nz = plane_normal(camera, faces, face)
     offset = nx * camera[a, 0] + ny * camera[a, 1] + nz * camera[a, 2]
     if offset == 0.0 or not math.isfinite(offset):
         return False, 0.0, 0.0, 0.0

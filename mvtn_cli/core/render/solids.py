@@ -28,9 +28,11 @@ def find_solids(vertices: np.ndarray, faces: np.ndarray, edges: np.ndarray) -> n
     count = len(faces)
     flat = edges.reshape(-1)
     face_of = np.repeat(np.arange(count), 3)
-    joined = coo_array((np.ones(len(flat)), (face_of, flat)), shape=(count, int(flat.max()) + 1)).tocsr()
-    _, piece = connected_components(joined @ joined.T, directed=False)
-    pieces = int(piece.max()) + 1
+    # Faces and edges are nodes of one graph, so that an edge of many faces costs no more than its half-edges.
+    size = count + int(flat.max()) + 1
+    joined = coo_array((np.ones(len(flat)), (face_of, count + flat)), shape=(size, size))
+    pieces, nodes = connected_components(joined, directed=False)
+    piece = nodes[:count]
     corners = vertices[faces].astype(np.float64)
     with np.errstate(all="ignore"):
         good = _closed(corners, flat, piece, pieces) & _star_shaped(corners, piece, pieces)

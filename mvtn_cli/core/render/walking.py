@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.raster import plane_normal
 
 LONGEST_WALK = 24
 
@@ -15,15 +16,6 @@ def volume_of(camera, i, j, k):
         + camera[i, 1] * (camera[j, 2] * camera[k, 0] - camera[j, 0] * camera[k, 2])
         + camera[i, 2] * (camera[j, 0] * camera[k, 1] - camera[j, 1] * camera[k, 0])
     )
-
-
-@njit
-def plane_normal(camera, faces, face):
-    """Normal of a face in camera coordinates, not normalised."""
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    ux, uy, uz = camera[b, 0] - camera[a, 0], camera[b, 1] - camera[a, 1], camera[b, 2] - camera[a, 2]
-    vx, vy, vz = camera[c, 0] - camera[a, 0], camera[c, 1] - camera[a, 1], camera[c, 2] - camera[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 @njit
