@@ -46,7 +46,7 @@ def _names_on_stdin() -> list[str]:
     if not names:
         raise UsageError(
             "standard input names no files",
-            hint="one name a line, or NUL-separated: find . -name '*.off' -print0 | mvtn predict -",
+            hint="one name a line, or NUL-separated, as from find . -name '*.off' -print0",
             code="files.none",
         )
     return names

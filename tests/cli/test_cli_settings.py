@@ -106,7 +106,7 @@ def test_one_name_means_one_type_everywhere():
             kind = parts[0] if type(None) in parts else field.annotation
             kinds.setdefault(name, set()).add(str(kind))
     several = {name for name, found in kinds.items() if len(found) > 1}
-    assert several == {"azimuth", "elevation"}  # a list for render-views, which takes a single number too
+    assert several == {"azimuth", "elevation", "run"}  # lists for render-views and robustness, which take one, too
     assert RenderViewsConfig(azimuth=30, elevation="0,10").azimuth == (30.0,)  # type: ignore[arg-type]
 
 

@@ -30,6 +30,7 @@ def found(known: bool = False) -> SimpleNamespace:
         logits=logits,
         azimuth_deg=np.array([[10.0, 370.0]] * 5, np.float32),
         elevation_deg=np.zeros((5, 2), np.float32),
+        distance=np.full((5, 2), 2.2, np.float32),
         known_azimuth_deg=np.array([0.0, np.nan, 30.0, 10.0, 10.0]) if known else np.full(5, np.nan),
     )
 
@@ -49,8 +50,16 @@ def test_mistakes_come_surest_first_and_leave_out_shapes_without_an_answer():
     assert surest["probability"] + 2 * surest["label_probability"] == pytest.approx(1)
 
 
+def test_a_network_of_points_has_no_views_to_judge_or_to_write(tmp_path):
+    judged = judge(found(known=True), CLASSES, uses_views=False)
+    assert judged["views"] is None and judged["known_view"] is None and judged["count"] == 5
+    (tmp_path / "views.csv").write_text("of an earlier run")
+    write_tables(tmp_path, found(), CLASSES, ["s1", "s2", "s3", "s4", "s5"], uses_views=False)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["confusion.csv", "predictions.csv"]
+
+
 def test_tables_survive_names_with_commas_and_have_the_promised_columns(tmp_path):
-    write_tables(tmp_path, found(known=True), CLASSES, ["s,1", "s2", "s3", "s4", "s5"], 2.2)
+    write_tables(tmp_path, found(known=True), CLASSES, ["s,1", "s2", "s3", "s4", "s5"])
     rows = read_csv(tmp_path / "predictions.csv")
     assert list(rows[0]) == ["name", "label", "predicted", "probability", "correct", "source"]
     assert (rows[0]["name"], rows[0]["label"], rows[0]["source"]) == ("a,b", "chair, high", "s,1")

@@ -14,6 +14,7 @@ from torchvision import models
 
 from mvtn_cli.core.networks import backbone_names, build_backbone
 from mvtn_cli.core.networks.backbones import (
+    AUXILIARY,
     IMAGENET_DEVIATION,
     IMAGENET_MEAN,
     Tiny,
@@ -67,6 +68,17 @@ def test_backbone_with_its_head_again_is_torchvisions_network(name, suffix, tmp_
     assert features.shape == (2, dimension)
     head = whole.get_submodule(HEADS[name])
     torch.testing.assert_close(head(features), whole(normalised(pictures())))
+
+
+@pytest.mark.parametrize("name", SMALL)
+@torch.no_grad()
+def test_body_of_every_family_is_all_of_torchvisions_network_but_its_head(name):
+    body, head_name, _ = torchvision_body(name)
+    whole = models.get_model(name, weights=None, **({"init_weights": False} if name == "googlenet" else {})).eval()
+    state = whole.state_dict()
+    load_strictly(body, state, ignored=(f"{head_name}.", *AUXILIARY), network=name, source="torchvision")
+    body.set_submodule(head_name, whole.get_submodule(head_name))
+    assert torch.equal(body.eval()(pictures()), whole(pictures()))
 
 
 @pytest.mark.parametrize("name", SMALL)

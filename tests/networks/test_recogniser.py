@@ -1,67 +1,14 @@
-"""MVCNN and the whole chain, with a stand-in for the renderer, and once with the real one."""
+"""The whole chain, with a stand-in for the renderer, and once with the real one."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-import numpy as np
 import pytest
 import torch
+from tetrahedra import CLASSES, config, look, tetrahedron
 from torch import nn
 
-from mvtn_cli.config import TrainConfig
-from mvtn_cli.core.networks import MVCNN, build_recogniser, recogniser
-from mvtn_cli.core.render import Look, pack
-from mvtn_cli.core.store import StoredShape
-
-CLASSES = 3
-
-
-def tetrahedron(stretch: float) -> StoredShape:
-    vertices = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float32) / 3**0.5
-    vertices[:, 0] *= stretch
-    faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
-    weights = np.random.default_rng(0).dirichlet(np.ones(4), 40).astype(np.float32)
-    unit = vertices / np.linalg.norm(vertices, axis=1, keepdims=True)
-    return StoredShape(
-        vertices=vertices,
-        faces=faces,
-        normals=unit,
-        colors=None,
-        points=weights @ vertices,
-        point_colors=None,
-        center=np.zeros(3),
-        radius=1.0,
-        known_azimuth_deg=float("nan"),
-    )
-
-
-@pytest.fixture
-def batch():
-    return pack([tetrahedron(s) for s in (1.0, 0.7, 0.4)], labels=[0, 1, 2], names=["a", "b", "c"])
-
-
-@pytest.fixture
-def calls(monkeypatch):
-    """A stand-in for the renderer: pictures in colours of their cameras; keeps what it was asked."""
-    kept: list = []
-
-    def paint(batch, cameras, look, *, gradient, fd_step_deg):
-        kept.append(SimpleNamespace(cameras=cameras, gradient=gradient, fd_step_deg=fd_step_deg))
-        size = look.image_size
-        ramp = torch.linspace(0, 1, size * size).reshape(size, size)
-        return SimpleNamespace(rgb=torch.sigmoid(cameras.positions[..., None, None] * ramp))
-
-    monkeypatch.setattr(recogniser, "render", paint)
-    return kept
-
-
-def config(**more) -> TrainConfig:
-    return TrainConfig(**{"image_size": 16, "num_views": 4, "encoder_points": 16, **more})
-
-
-def look(settings: TrainConfig, count: int = 3) -> Look:
-    return Look.evaluation(settings, count, "mesh")
+from mvtn_cli.core.networks import build_recogniser
+from mvtn_cli.core.render import pack
 
 
 @pytest.mark.parametrize("views", ["learned-direct", "learned-circular", "learned-spherical"])
@@ -119,7 +66,7 @@ def test_network_starts_alike_for_every_selection_of_views_and_from_the_seed_alo
     for one, other in zip(fixed.network.parameters(), learned.network.parameters(), strict=True):
         assert torch.equal(one, other)
     other_seed = build_recogniser(config(views="fixed", seed=1), CLASSES)
-    assert not torch.equal(fixed.network.classifier.weight, other_seed.network.classifier.weight)
+    assert not torch.equal(fixed.network.head.classifier.weight, other_seed.network.head.classifier.weight)
 
 
 def test_parameters_are_each_in_one_group():
@@ -152,32 +99,6 @@ def test_checkpoint_restores_every_number(calls, batch):
     one, other = model.eval()(batch, look(settings)), again.eval()(batch, look(settings))
     assert torch.equal(one.logits, other.logits)
     assert torch.equal(one.cameras.azimuth_deg, other.cameras.azimuth_deg)
-
-
-class Mean(nn.Module):
-    """(N, 3, H, W) -> (N, 3)."""
-
-    def forward(self, images: torch.Tensor) -> torch.Tensor:
-        return images.mean((2, 3))
-
-
-@pytest.mark.parametrize("pool", ["max", "mean"])
-def test_views_of_a_shape_are_pooled_in_any_order_and_never_mixed_with_other_shapes(pool):
-    network = MVCNN(Mean(), 3, 5, pool=pool)
-    images = torch.rand(2, 4, 3, 6, 6)
-    logits, descriptor = network(images)
-    expected = images.mean((3, 4)).amax(1) if pool == "max" else images.mean((1, 3, 4))
-    torch.testing.assert_close(descriptor, expected)
-    torch.testing.assert_close(logits, network.classifier(expected))
-    torch.testing.assert_close(network(images.flip(1))[0], logits)
-    torch.testing.assert_close(network(images[:1])[0], logits[:1])
-
-
-def test_layer_norm_is_part_of_the_descriptor_and_wrong_pool_is_refused():
-    _, descriptor = MVCNN(Mean(), 3, 5, norm=True)(torch.rand(2, 4, 3, 6, 6))
-    torch.testing.assert_close(descriptor.mean(1), torch.zeros(2), atol=1e-6, rtol=0)
-    with pytest.raises(ValueError, match="pool must be 'max' or 'mean'"):
-        MVCNN(Mean(), 3, 5, pool="median")  # type: ignore[arg-type]
 
 
 def test_frozen_and_plain_networks_of_one_shape_and_one_view_train(calls):

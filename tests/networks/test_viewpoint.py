@@ -10,8 +10,8 @@ import torch
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.core.networks import make_selector
+from mvtn_cli.core.networks.learned import OffsetViews, SafeAngle
 from mvtn_cli.core.networks.pointnet import PointNetEncoder
-from mvtn_cli.core.networks.viewpoint import OffsetViews, SafeAngle
 from mvtn_cli.core.views import angle_between, layouts
 
 LEARNED = ["learned-direct", "learned-circular", "learned-spherical"]

@@ -46,6 +46,7 @@ def predictions(classes: list[str], per_class: int, num_views: int, known: bool,
         logits=logits.astype(np.float32),
         azimuth_deg=azimuth.astype(np.float32),
         elevation_deg=elevation.astype(np.float32),
+        distance=np.full(azimuth.shape, 2.2, np.float32),
         known_azimuth_deg=side,
     )
 
@@ -103,7 +104,7 @@ def make_run(
         "seconds": 6.4, "folder": str(folder),
     }  # fmt: skip
     write_json(folder / "result.json", document)
-    write_tables(folder, found, classes, sources, 2.2)
+    write_tables(folder, found, classes, sources)
     rows = [m["index"] for m in wrong[:12]]
     save_views(folder / "mistakes.npz", found, rows, pictures(found, rows, size) if rows else None)
     shown = list(range(0, len(found.labels), max(1, len(found.labels) // 8)))[:8]

@@ -159,3 +159,24 @@ def test_the_confusion_matrix_fits_a_page_and_hides_nothing(count):
     assert sum(cell["count"] for cell in found["cells"]) == matrix.sum()
     assert found["width"] < 1044 and all(0.1 < cell["strength"] <= 0.9 for cell in found["cells"])
     assert sum(cell["right"] for cell in found["cells"]) == count
+
+
+def test_a_network_of_points_has_a_report_without_cameras(tmp_path):
+    folder = make_run(tmp_path / "run", ["a", "b"], per_class=3)
+    for name in ("views.csv", "mistakes.npz", "views_best.npz", "views_start.npz"):
+        (folder / name).unlink()
+    result = json.loads((folder / "result.json").read_text())
+    (folder / "result.json").write_text(json.dumps({**result, "views": None, "known_view": None}))
+    with (folder / "config.toml").open("a") as file:
+        file.write('network = "dgcnn"\nencoder_points = 1024\n')
+    page = write_report(folder).read_text()
+    assert "DGCNN on 1024 points, without views" in page
+    assert 'id="cameras"' not in page and 'id="views"' not in page
+
+
+def test_the_report_says_which_turns_rotationnet_tries(tmp_path):
+    folder = make_run(tmp_path / "run", ["a", "b"], per_class=3)
+    result = json.loads((folder / "result.json").read_text())
+    model = {"network": "rotationnet", "candidates": {"count": 6, "layout": "spherical"}}
+    (folder / "result.json").write_text(json.dumps({**result, "model": model}))
+    assert "RotationNet tries 6 turns of each shape: those of the spherical layout" in write_report(folder).read_text()

@@ -90,7 +90,7 @@ def test_a_frozen_backbone_keeps_weights_and_statistics(settings, boxes, quiet):
     before, after = build_recogniser(config, 4).state_dict(), weights_of(train(config, boxes, quiet))
     frozen = [name for name in before if name.startswith("network.backbone.")]
     assert all(torch.equal(before[name], after[name]) for name in frozen)
-    assert not torch.equal(before["network.classifier.weight"], after["network.classifier.weight"])
+    assert not torch.equal(before["network.head.classifier.weight"], after["network.head.classifier.weight"])
 
 
 def test_a_last_batch_of_one_shape_joins_the_one_before(settings, boxes, quiet, monkeypatch):

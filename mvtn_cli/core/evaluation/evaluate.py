@@ -55,6 +55,7 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
         UsageError: The run knows other classes.
     """
     begun = time.monotonic()
+    from mvtn_cli.core.training.fixed_views import with_kept_views
     from mvtn_cli.core.training.predict import load_model, predict
 
     settings = run.config
@@ -63,15 +64,17 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     model = load_model(run, config.checkpoint, config.device)
 
     seeded = settings.model_copy(update={"seed": config.seed})  # of random views
-    found = predict(model, prepared, indices, seeded, batch_size=config.batch_size, console=console)
+    shapes = with_kept_views(prepared, settings, console)
+    found = predict(model, shapes, indices, seeded, batch_size=config.batch_size, console=console)
     sources = [prepared.records[i].source for i in indices]
     document = {
         "schema": SCHEMA,
         "run": str(run.path),
         "split": config.split,
         "checkpoint": config.checkpoint,
-        **judge(found, run.classes, start_views(model)),
+        **judge(found, run.classes, start_views(model), uses_views=model.uses_views),
         "baseline": None,
+        "model": model.facts(),
     }
     if config.baseline:
         console.note("random forest on distance histograms …")
@@ -79,8 +82,8 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     document |= provenance(run, prepared, config)
     folder = results_folder(run.path, config.split, config.checkpoint, config.out)
     document["mistakes"] = mistakes(found, run.classes, sources)[:SHOWN_MISTAKES]
-    write_tables(folder, found, run.classes, sources, settings.distance)
-    shown = [mistake["index"] for mistake in document["mistakes"]]
+    write_tables(folder, found, run.classes, sources, uses_views=model.uses_views)
+    shown = [mistake["index"] for mistake in document["mistakes"]] if model.uses_views else []
     save_views(folder / "mistakes.npz", found, shown, draw(prepared, indices, found, shown, settings))
     document |= {"seconds": time.monotonic() - begun, "folder": str(folder)}
     write_json(folder / "result.json", document)
@@ -88,9 +91,23 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
 
 
 def judge(
-    found: Predictions, classes: Sequence[str], start: tuple[ArrayLike, ArrayLike] | None = None
+    found: Predictions,
+    classes: Sequence[str],
+    start: tuple[ArrayLike, ArrayLike] | None = None,
+    *,
+    uses_views: bool = True,
 ) -> dict[str, Any]:
-    """Measure predictions: `classification.metrics`, `views`, and `known_view` (None if no side is known)."""
+    """Measure predictions: `classification.metrics`, `views`, and `known_view` (None if no side is known).
+
+    The last two are None for a network that looks at points alone.
+    """
+    if not uses_views:
+        return {
+            **metrics(found.labels, found.logits, classes),
+            "classes": list(classes),
+            "views": None,
+            "known_view": None,
+        }
     labels, known = np.asarray(found.labels), np.asarray(found.known_azimuth_deg, dtype=np.float64)
     azimuth, elevation = np.asarray(found.azimuth_deg), np.asarray(found.elevation_deg)
     side_is_known = bool(np.isfinite(known).any())
@@ -128,9 +145,12 @@ def mistakes(found: Predictions, classes: Sequence[str], sources: Sequence[str])
 
 
 def write_tables(
-    folder: Path, found: Predictions, classes: Sequence[str], sources: Sequence[str], distance: float
+    folder: Path, found: Predictions, classes: Sequence[str], sources: Sequence[str], *, uses_views: bool = True
 ) -> list[Path]:
-    """Write `predictions.csv`, `views.csv` and `confusion.csv`, the rows in the order of the predictions."""
+    """Write `predictions.csv`, `confusion.csv`, and `views.csv` where there are views.
+
+    Rows are in the order of the predictions.
+    """
     labels, chances = np.asarray(found.labels), probabilities(found.logits)
     given = np.where(np.isnan(chances), -1.0, chances).argmax(axis=1) if len(labels) else labels
     words = [classes[label] if label >= 0 else "" for label in labels]
@@ -148,19 +168,27 @@ def write_tables(
     ]
     azimuth, elevation = np.asarray(found.azimuth_deg), np.asarray(found.elevation_deg)
     views = [
-        (found.names[i], words[i], v, azimuth[i, v], elevation[i, v], distance, found.known_azimuth_deg[i])
+        (
+            *(found.names[i], words[i], v, azimuth[i, v], elevation[i, v], found.distance[i, v]),
+            found.known_azimuth_deg[i],
+        )
         for i in shapes
         for v in range(azimuth.shape[1])
     ]
     confusion = metrics(labels, found.logits, classes)["confusion"]
     angles = ("azimuth_deg", "elevation_deg", "distance", "known_azimuth_deg")
+    written = []
+    if uses_views:
+        written.append(write_csv(folder / "views.csv", ("name", "label", "view", *angles), views))
+    else:
+        (folder / "views.csv").unlink(missing_ok=True)
     return [
+        *written,
         write_csv(
             folder / "predictions.csv",
             ("name", "label", "predicted", "probability", "correct", "source"),
             predictions,
         ),
-        write_csv(folder / "views.csv", ("name", "label", "view", *angles), views),
         write_csv(
             folder / "confusion.csv",
             ("label", *classes),
@@ -177,7 +205,12 @@ def draw(
         return None
     rows = list(shown)
     return draw_shapes(
-        prepared, [indices[i] for i in rows], found.azimuth_deg[rows], found.elevation_deg[rows], settings
+        prepared,
+        [indices[i] for i in rows],
+        found.azimuth_deg[rows],
+        found.elevation_deg[rows],
+        settings,
+        distance=found.distance[rows],
     )
 
 
@@ -194,6 +227,7 @@ def save_views(path: Path, found: Predictions, shown: Sequence[int], images: NDA
         labels=np.asarray(found.labels)[rows],
         azimuth=np.asarray(found.azimuth_deg)[rows],
         elevation=np.asarray(found.elevation_deg)[rows],
+        distance=np.asarray(found.distance)[rows],
         images=images,
     )
     write_run_file(path, buffer.getvalue())

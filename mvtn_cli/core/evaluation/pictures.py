@@ -17,7 +17,13 @@ BATCH_VIEWS = 96
 
 
 def draw_shapes(
-    shapes: Shapes, indices: Sequence[int], azimuth_deg: ArrayLike, elevation_deg: ArrayLike, settings: Any
+    shapes: Shapes,
+    indices: Sequence[int],
+    azimuth_deg: ArrayLike,
+    elevation_deg: ArrayLike,
+    settings: Any,
+    *,
+    distance: ArrayLike | None = None,
 ) -> NDArray[np.uint8]:
     """Draw each shape from its own M cameras.
 
@@ -26,13 +32,16 @@ def draw_shapes(
         indices: N of its records.
         azimuth_deg: (N, M) or (M,), degrees.
         elevation_deg: (N, M) or (M,), degrees.
-        settings: The picture's: image_size, distance, fov, look, render, shading, supersample, point_radius.
+        settings: The picture's: image_size, distance, fov, look, render, shading, supersample, point_radius,
+            depth_cue.
+        distance: (N, M) or (M,), shape radii; None is the settings'.
 
     Returns:
         (N, M, 3, H, W).
     """
-    azimuth, elevation = np.broadcast_arrays(np.atleast_2d(azimuth_deg), np.atleast_2d(elevation_deg))
-    azimuth, elevation = (np.broadcast_to(x, (len(indices), x.shape[1])) for x in (azimuth, elevation))
+    far = settings.distance if distance is None else distance
+    angles = np.broadcast_arrays(*(np.atleast_2d(x) for x in (azimuth_deg, elevation_deg, far)))
+    azimuth, elevation, radii = (np.broadcast_to(x, (len(indices), x.shape[1])) for x in angles)
     size = settings.image_size
     pictures = np.zeros((len(indices), azimuth.shape[1], 3, size, size), np.uint8)
     done = 0
@@ -42,7 +51,7 @@ def draw_shapes(
         cameras = Cameras.at(
             torch.tensor(azimuth[rows]),
             torch.tensor(elevation[rows]),
-            settings.distance,
+            torch.tensor(radii[rows], dtype=torch.float32),
             fov_deg=settings.fov,
         )
         look = Look.evaluation(settings, len(chunk), kind)

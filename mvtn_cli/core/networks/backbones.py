@@ -11,8 +11,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from mvtn_cli.core.networks.run_files import is_run, read_run
 from mvtn_cli.core.networks.weights import load_strictly, read_weights
-from mvtn_cli.errors import MvtnError, UsageError, choose_error
+from mvtn_cli.errors import DataError, MvtnError, UsageError, choose_error
 
 if TYPE_CHECKING:
     from torchvision.models import WeightsEnum
@@ -37,9 +38,10 @@ def build_backbone(name: str, weights: str = "none", *, read: bool = True) -> tu
 
     Args:
         name: "tiny" or a torchvision classifier, e.g. "resnet18".
-        weights: "none" (random, from torch's generator), "imagenet" (torchvision's, downloaded once) or a
-            file: a torchvision state dict, with or without its head. ImageNet normalisation comes with the
-            last two.
+        weights: "none" (random, from torch's generator), "imagenet" (torchvision's, downloaded once), a file:
+            a torchvision state dict, with or without its head; or the folder of a run, whose backbone is
+            taken. Pictures are normalised as in ImageNet for the first two of these, as in that run for the
+            last.
         read: False leaves the numbers random, for a caller who loads a whole checkpoint afterwards.
 
     Returns:
@@ -47,7 +49,7 @@ def build_backbone(name: str, weights: str = "none", *, read: bool = True) -> tu
 
     Raises:
         UsageError: Unknown name, or "imagenet" for the network of our own.
-        DataError: The file can't be read or does not fit.
+        DataError: The file or run can't be read or does not fit.
         MvtnError: The download failed.
     """
     if name == "tiny":
@@ -55,11 +57,34 @@ def build_backbone(name: str, weights: str = "none", *, read: bool = True) -> tu
     if name not in (names := backbone_names()):
         raise choose_error("backbone", name, names)
     body, head_name, dimension = torchvision_body(name, pretrained=weights != "none")
-    if weights != "none" and read:
+    backbone = Pictures(body, name, normalise=weights != "none")
+    if weights == "none" or not read:
+        return backbone, dimension
+    if weights != "imagenet" and is_run(Path(weights)):
+        _take_from_run(backbone, name, Path(weights))
+    else:
         state = _imagenet(name) if weights == "imagenet" else read_weights(Path(weights))
         source = "torchvision" if weights == "imagenet" else weights
         load_strictly(body, state, ignored=(f"{head_name}.", *AUXILIARY), network=name, source=source)
-    return Pictures(body, name, normalise=weights != "none"), dimension
+    return backbone, dimension
+
+
+def _take_from_run(backbone: nn.Module, name: str, place: Path) -> None:
+    """Load the backbone of a run, with its scaling of pictures."""
+    run = read_run(place)
+    theirs = str(run.settings.get("backbone", "tiny"))
+    if theirs != name:
+        raise DataError(
+            f"run {run.folder.name} has the backbone {theirs}, not {name}",
+            hint=f"add --backbone {theirs}",
+            code="weights.mismatch",
+        )
+    state = run.part("network.backbone.")
+    if isinstance(backbone, Pictures):
+        # version 0.1 did not write the scaling down: it followed from the settings
+        plain = Pictures(nn.Identity(), name, normalise=run.settings.get("weights", "none") != "none")
+        state = {"mean": plain.mean, "deviation": plain.deviation, **state}
+    load_strictly(backbone, state, network=name, source=str(run.folder))
 
 
 def _tiny(weights: str, read: bool) -> tuple[nn.Module, int]:
@@ -71,7 +96,10 @@ def _tiny(weights: str, read: bool) -> tuple[nn.Module, int]:
         )
     network = Tiny()
     if weights != "none" and read:
-        load_strictly(network, read_weights(Path(weights)), network="tiny", source=weights)
+        if is_run(Path(weights)):
+            _take_from_run(network, "tiny", Path(weights))
+        else:
+            load_strictly(network, read_weights(Path(weights)), network="tiny", source=weights)
     return network, Tiny.DIMENSION
 
 
@@ -118,8 +146,8 @@ class Pictures(nn.Module):
         self.fixed_size = 224 if name == "maxvit_t" else getattr(body, "image_size", None)
         self.smallest = SMALLEST.get(name, SMALLEST_OTHER)
         mean, deviation = (IMAGENET_MEAN, IMAGENET_DEVIATION) if normalise else (PLAIN_MEAN, PLAIN_DEVIATION)
-        self.register_buffer("mean", torch.tensor(mean)[:, None, None], persistent=False)
-        self.register_buffer("deviation", torch.tensor(deviation)[:, None, None], persistent=False)
+        self.register_buffer("mean", torch.tensor(mean)[:, None, None])
+        self.register_buffer("deviation", torch.tensor(deviation)[:, None, None])
 
     def forward(self, pictures: Tensor) -> Tensor:
         height, width = pictures.shape[-2:]
@@ -128,6 +156,12 @@ class Pictures(nn.Module):
             pictures = functional.interpolate(pictures, wanted, mode="bilinear", align_corners=False, antialias=True)
         features: Tensor = self.body((pictures - self.mean) / self.deviation)
         return features.flatten(1)
+
+    def _load_from_state_dict(self, state_dict: dict[str, Any], prefix: str, *arguments: Any) -> None:
+        # runs of version 0.1 did not write the scaling down: it is as this network was built
+        for name in ("mean", "deviation"):
+            state_dict.setdefault(prefix + name, getattr(self, name))
+        super()._load_from_state_dict(state_dict, prefix, *arguments)
 
 
 def torchvision_body(name: str, *, pretrained: bool = False) -> tuple[nn.Module, str, int]:

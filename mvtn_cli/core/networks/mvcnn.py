@@ -1,24 +1,22 @@
-"""MVCNN: one picture network for all views, their features pooled, one linear classifier."""
+"""MVCNN: the features of the views pooled, one linear classifier."""
 
 from __future__ import annotations
 
 from typing import Literal
 
-import torch
 from torch import Tensor, nn
 
+from mvtn_cli.core.networks.heads import HeadOutput, MultiViewHead
 
-class MVCNN(nn.Module):
-    """Classify a shape from M pictures of it.
+
+class MVCNN(MultiViewHead):
+    """Pool the features of all views and classify what comes out; where the cameras stand plays no part.
 
     Args:
-        backbone: (N, 3, H, W) -> (N, D).
-        dimension: D.
+        dimension: D, of the features.
         classes: Number of classes C.
         pool: How the features of the views become one: their "max" (the paper's) or "mean".
         norm: LayerNorm in front of the classifier, as in the code released with MVTN.
-        freeze_backbone: Leave the backbone's weights and BatchNorm statistics as they are. The gradient still
-            passes through it to the pictures, and so to the cameras.
 
     References:
         Su, Maji, Kalogerakis, Learned-Miller. Multi-view Convolutional Neural Networks for 3D Shape
@@ -26,38 +24,17 @@ class MVCNN(nn.Module):
     """
 
     def __init__(
-        self,
-        backbone: nn.Module,
-        dimension: int,
-        classes: int,
-        *,
-        pool: Literal["max", "mean"] = "max",
-        norm: bool = False,
-        freeze_backbone: bool = False,
+        self, dimension: int, classes: int, *, pool: Literal["max", "mean"] = "max", norm: bool = False
     ) -> None:
         super().__init__()
         if pool not in ("max", "mean"):
             raise ValueError(f"pool must be 'max' or 'mean', got {pool!r}")
-        # several times faster on CPUs for small and depth-wise convolutions
-        self.backbone = backbone.to(memory_format=torch.channels_last)
         self.norm = nn.LayerNorm(dimension) if norm else nn.Identity()
         self.classifier = nn.Linear(dimension, classes)
         self.pool = pool
-        self.frozen = freeze_backbone
-        if freeze_backbone:
-            self.backbone.requires_grad_(False)
 
-    def train(self, mode: bool = True) -> MVCNN:
-        super().train(mode)
-        if self.frozen:
-            self.backbone.eval()
-        return self
-
-    def forward(self, view_images: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, M, 3, H, W) pictures in [0, 1] -> logits (B, C), and what the classifier sees: (B, D)."""
-        batch, views = view_images.shape[:2]
-        pictures = view_images.flatten(0, 1).contiguous(memory_format=torch.channels_last)
-        features = self.backbone(pictures).unflatten(0, (batch, views))
+    def forward(self, features: Tensor, directions: Tensor | None = None) -> HeadOutput:
+        """(B, M, D) -> logits (B, C), and what the classifier sees: (B, D)."""
         pooled = features.amax(dim=1) if self.pool == "max" else features.mean(dim=1)
         descriptor = self.norm(pooled)
-        return self.classifier(descriptor), descriptor
+        return HeadOutput(self.classifier(descriptor), descriptor)

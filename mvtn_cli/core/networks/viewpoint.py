@@ -1,26 +1,51 @@
-"""Where the cameras of a shape stand: fixed, drawn, or said by a network that looks at the shape's points.
+"""Where the cameras of a shape stand: fixed, drawn, or (`learned.py`) said by a network that looks at its points.
 
-Every selector takes points (B, P, 3) and gives `Cameras` (B, M). Angles go into a network as sines and
-cosines, never as degrees, and nothing that is constant passes through a BatchNorm, which would cancel it.
+Every selector takes points (B, P, 3) and gives `Cameras` (B, M).
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor, nn
 
-from mvtn_cli.config import TrainConfig
-from mvtn_cli.core.networks.pointnet import PointNetEncoder
-from mvtn_cli.core.views import Cameras, layouts, wrap_degrees
+from mvtn_cli.core.networks.regressors import light_from
+from mvtn_cli.core.views import Cameras, camera_rotations
 
 ELEVATION_BOUND = 90.0
 EXPLORE_ELEVATION = 0.3  # noise in elevation, as a share of that in azimuth
 SATURATED = 0.95
 EVALUATION_SEED = 20211017  # of random views in evaluation, when no generator is given
-# start angles are set through the inverse of tanh, which has none at ±1 and no slope near it
-LARGEST_START = 0.9
 
 Angles = tuple[Tensor, Tensor]
+
+
+class Choice(NamedTuple):
+    """What a selector says of B x M views.
+
+    Attributes:
+        azimuth, elevation: (B, M) degrees.
+        distance: (B, M), or None for the plain one.
+        light: (B, M, 2) offsets of the light from the camera, as for `light_from`, or None for a plain light.
+    """
+
+    azimuth: Tensor
+    elevation: Tensor
+    distance: Tensor | None = None
+    light: Tensor | None = None
+
+
+class Placement(NamedTuple):
+    """Cameras, and the light of each.
+
+    Attributes:
+        cameras: (B, M).
+        light: (B, M, 3) unit vectors towards it in the world, or None where it is not learned.
+    """
+
+    cameras: Cameras
+    light: Tensor | None
 
 
 class ViewSelector(nn.Module):
@@ -30,9 +55,14 @@ class ViewSelector(nn.Module):
         start: Azimuths and elevations (M,) in degrees.
         distance: Of all cameras, in shape radii.
         fov_deg: Of all cameras.
+
+    Attributes:
+        learned: Whether there is something to train.
+        encoder_points: How many points it wants to see: as many as the settings say (None), or none (0).
     """
 
     learned = False
+    encoder_points: int | None = 0
     start_azimuth: Tensor
     start_elevation: Tensor
 
@@ -62,7 +92,18 @@ class ViewSelector(nn.Module):
         generator: torch.Generator | None = None,
         training: bool | None = None,
     ) -> Cameras:
-        """Choose the cameras of B shapes.
+        """Choose the cameras of B shapes; arguments as for `place`."""
+        return self.place(points, explore_deg=explore_deg, generator=generator, training=training).cameras
+
+    def place(
+        self,
+        points: Tensor,
+        *,
+        explore_deg: float = 0.0,
+        generator: torch.Generator | None = None,
+        training: bool | None = None,
+    ) -> Placement:
+        """Choose the cameras of B shapes, and their light where that is learned.
 
         Args:
             points: (B, P, 3), normalised; only learned views look at them.
@@ -74,17 +115,20 @@ class ViewSelector(nn.Module):
         """
         training = self.training if training is None else training
         with torch.autocast(points.device.type, enabled=False):
-            azimuth, elevation = self.choose(points.float(), training, generator)
+            azimuth, elevation, distance, offset = self.choose(points.float(), training, generator)
             if self.learned and training and explore_deg > 0:
-                noise = _normal((2, *azimuth.shape), generator, azimuth.device)
+                noise = normal((2, *azimuth.shape), generator, azimuth.device)
                 azimuth = azimuth + explore_deg * noise[0]
                 elevation = elevation + EXPLORE_ELEVATION * explore_deg * noise[1]
-        return Cameras(azimuth, elevation, torch.full_like(azimuth, self.distance), self.fov_deg)
+            if distance is None:
+                distance = torch.full_like(azimuth, self.distance)
+            light = None if offset is None else light_from(offset, camera_rotations(azimuth, elevation))
+        return Placement(Cameras(azimuth, elevation, distance, self.fov_deg), light)
 
-    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Angles:
+    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Choice:
         """Azimuths and elevations (B, M) before exploration."""
         shape = (len(points), self.num_views)
-        return self.start_azimuth.expand(shape), self.start_elevation.expand(shape)
+        return Choice(self.start_azimuth.expand(shape), self.start_elevation.expand(shape))
 
     def saturation(self) -> float:
         """Share of the last call's tanh outputs beyond ±0.95, where hardly any gradient is left; else NaN."""
@@ -108,170 +152,36 @@ class JitteredViews(ViewSelector):
     The honest control for learned views: moving cameras are an augmentation by themselves.
     """
 
-    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Angles:
-        azimuth, elevation = super().choose(points, training, generator)
+    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Choice:
+        azimuth, elevation, *_ = super().choose(points, training, generator)
         if not training:
-            return azimuth, elevation
-        offset = 2 * _uniform((2, *azimuth.shape), generator, azimuth.device) - 1
-        return azimuth + 180.0 / self.num_views * offset[0], elevation + ELEVATION_BOUND * offset[1]
+            return Choice(azimuth, elevation)
+        offset = 2 * uniform((2, *azimuth.shape), generator, azimuth.device) - 1
+        return Choice(azimuth + 180.0 / self.num_views * offset[0], elevation + ELEVATION_BOUND * offset[1])
 
 
 class RandomViews(ViewSelector):
     """Uniform on the sphere, new ones for each shape and step; in evaluation the same ones each time."""
 
-    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Angles:
-        if not training and generator is None:
-            generator = torch.Generator().manual_seed(EVALUATION_SEED)
-        drawn = 2 * _uniform((2, len(points), self.num_views), generator, points.device) - 1
-        return 180.0 * drawn[0], torch.rad2deg(torch.asin(drawn[1]))
+    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Choice:
+        return Choice(*random_views(len(points), self.num_views, training, generator, points.device))
 
 
-class DirectViews(ViewSelector):
-    """The network says where each camera stands.
-
-    Periodic form: azimuth = atan2 of two outputs, which has no dead ends; tanh form: 180° · tanh (the
-    paper's). Elevation is 90° · tanh in both. M > 1 views would all start at about the same place and learn
-    the same, so their biases spread them out over the layout; a single view starts as its random weights say.
-
-    Args:
-        start: The layout (M,).
-        distance, fov_deg: As in the base.
-        periodic: The form.
-        widths: Of the point encoder.
-        hidden: Units between features and angles.
-    """
-
-    learned = True
-
-    def __init__(
-        self,
-        start: Angles,
-        distance: float = 2.2,
-        fov_deg: float = 60.0,
-        *,
-        periodic: bool = True,
-        widths: tuple[int, ...] = (32, 64, 64),
-        hidden: int | None = None,
-    ) -> None:
-        super().__init__(start, distance, fov_deg)
-        self.periodic = periodic
-        views, outputs = self.num_views, 3 if periodic else 2
-        hidden = hidden or max(32, 4 * views)
-        self.encoder = PointNetEncoder(widths)
-        last = nn.Linear(hidden, outputs * views)
-        self.head = nn.Sequential(nn.Linear(self.encoder.dimension, hidden), nn.ReLU(), last)
-        if views > 1:
-            self._start_at_layout(last)
-
-    @torch.no_grad()
-    def _start_at_layout(self, last: nn.Linear) -> None:
-        elevation = torch.atanh((self.start_elevation / ELEVATION_BOUND).clamp(-LARGEST_START, LARGEST_START))
-        if self.periodic:
-            angle = torch.deg2rad(self.start_azimuth)
-            bias = torch.stack([angle.sin(), angle.cos(), elevation], dim=-1)
-        else:
-            share = torch.as_tensor(wrap_degrees(self.start_azimuth.numpy()) / 180.0).float()
-            bias = torch.stack([torch.atanh(share.clamp(-LARGEST_START, LARGEST_START)), elevation], dim=-1)
-        last.weight.mul_(0.1)
-        last.bias.copy_(bias.flatten())
-
-    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Angles:
-        raw = self.head(self.encoder(points)).unflatten(-1, (self.num_views, -1))
-        if self.periodic:
-            azimuth = SafeAngle.apply(raw[..., 0], raw[..., 1])
-            return azimuth, ELEVATION_BOUND * self._tanh(raw[..., 2])
-        squashed = self._tanh(raw)
-        return 180.0 * squashed[..., 0], ELEVATION_BOUND * squashed[..., 1]
+def random_views(
+    shapes: int, views: int, training: bool, generator: torch.Generator | None, device: torch.device
+) -> Angles:
+    """Azimuths and elevations (B, M), uniform on the sphere; in evaluation from a seed of their own."""
+    if not training and generator is None:
+        generator = torch.Generator().manual_seed(EVALUATION_SEED)
+    drawn = 2 * uniform((2, shapes, views), generator, device) - 1
+    return 180.0 * drawn[0], torch.rad2deg(torch.asin(drawn[1]))
 
 
-class OffsetViews(ViewSelector):
-    """The network moves each camera away from its place in the layout: u = u0 + bound · tanh(G(u0, shape)).
-
-    The bounds are 180°/M in azimuth and 90° in elevation (the paper's supplement and its code); a camera may
-    cross the pole. The last layer starts at zero, so that training starts at the layout exactly.
-
-    Args:
-        start: u0, the layout (M,).
-        distance, fov_deg: As in the base.
-        widths: Of the point encoder.
-        hidden: Units between features and angles.
-    """
-
-    learned = True
-
-    def __init__(
-        self,
-        start: Angles,
-        distance: float = 2.2,
-        fov_deg: float = 60.0,
-        *,
-        widths: tuple[int, ...] = (32, 64, 64),
-        hidden: int | None = None,
-    ) -> None:
-        super().__init__(start, distance, fov_deg)
-        views = self.num_views
-        hidden = hidden or max(32, 4 * views)
-        self.encoder = PointNetEncoder(widths)
-        last = nn.Linear(hidden, 2 * views)
-        nn.init.zeros_(last.weight)
-        nn.init.zeros_(last.bias)
-        self.head = nn.Sequential(nn.Linear(self.encoder.dimension + 4 * views, hidden), nn.ReLU(), last)
-
-    def choose(self, points: Tensor, training: bool, generator: torch.Generator | None) -> Angles:
-        angles = torch.deg2rad(torch.cat([self.start_azimuth, self.start_elevation]))
-        where = torch.cat([angles.sin(), angles.cos()]).expand(len(points), -1)
-        raw = self.head(torch.cat([self.encoder(points), where], dim=-1)).unflatten(-1, (self.num_views, 2))
-        squashed = self._tanh(raw)
-        azimuth = self.start_azimuth + 180.0 / self.num_views * squashed[..., 0]
-        return azimuth, self.start_elevation + ELEVATION_BOUND * squashed[..., 1]
-
-
-class SafeAngle(torch.autograd.Function):
-    """Angle of the vector (y, x) in degrees, whose gradient stays finite where the vector is short.
-
-    The true gradient grows as 1 / length; here the squared length gets EPSILON more, so that no output's
-    gradient exceeds 1 / (2 · sqrt(EPSILON)) radians per unit, and it is zero, not NaN, at (0, 0).
-    """
-
-    EPSILON = 1e-4
-
-    @staticmethod
-    def forward(ctx, y: Tensor, x: Tensor) -> Tensor:
-        ctx.save_for_backward(y, x)
-        return torch.rad2deg(torch.atan2(y, x))
-
-    @staticmethod
-    def backward(ctx, upstream: Tensor) -> Angles:
-        y, x = ctx.saved_tensors
-        # divided twice by the length, as its square overflows for lengths above 1e19
-        length = torch.hypot(torch.hypot(y, x), torch.full_like(x, SafeAngle.EPSILON**0.5))
-        per_unit = torch.rad2deg(upstream) / length
-        return per_unit * (x / length), -per_unit * (y / length)
-
-
-def make_selector(config: TrainConfig) -> ViewSelector:
-    """The selector of `config.views`; learned ones start from torch's generator."""
-    name = config.views
-    layout = name.removeprefix("learned-") if name in ("learned-circular", "learned-spherical") else config.layout
-    azimuth, elevation = layouts(layout, config.num_views, config.elevation, config.azimuth)
-    start = torch.from_numpy(azimuth), torch.from_numpy(elevation)
-    match name:
-        case "fixed":
-            return FixedViews(start, config.distance, config.fov)
-        case "jittered":
-            return JitteredViews(start, config.distance, config.fov)
-        case "random":
-            return RandomViews(start, config.distance, config.fov)
-        case "learned-direct":
-            return DirectViews(start, config.distance, config.fov, periodic=config.angles == "periodic")
-        case "learned-circular" | "learned-spherical":
-            return OffsetViews(start, config.distance, config.fov)
-
-
-def _normal(shape: tuple[int, ...], generator: torch.Generator | None, device: torch.device) -> Tensor:
+def normal(shape: tuple[int, ...], generator: torch.Generator | None, device: torch.device) -> Tensor:
     """Draws on the generator's device, so that a seed means the same numbers on every machine."""
     return torch.randn(shape, generator=generator, device=generator.device if generator else "cpu").to(device)
 
 
-def _uniform(shape: tuple[int, ...], generator: torch.Generator | None, device: torch.device) -> Tensor:
+def uniform(shape: tuple[int, ...], generator: torch.Generator | None, device: torch.device) -> Tensor:
+    """The same for numbers in [0, 1)."""
     return torch.rand(shape, generator=generator, device=generator.device if generator else "cpu").to(device)

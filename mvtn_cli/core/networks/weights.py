@@ -34,7 +34,9 @@ def read_weights(path: Path) -> dict[str, Tensor]:
     """
     if not path.is_file():
         raise DataError(
-            f"no weight file {path}", hint="--weights takes none, imagenet or a file", code="weights.missing"
+            f"no weight file {path}",
+            hint="--weights takes none, imagenet, a file or the folder of a run",
+            code="weights.missing",
         )
     try:
         content = load_file(path) if path.suffix == ".safetensors" else _unpickle(path)

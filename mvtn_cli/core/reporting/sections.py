@@ -14,7 +14,11 @@ from mvtn_cli.core.reporting import plots, words
 from mvtn_cli.core.reporting.gather import Findings, Views
 from mvtn_cli.core.reporting.images import png_uri
 from mvtn_cli.core.views import angle_between
+from mvtn_cli.network_config import POINT_NETWORKS
 
+NETWORK_NAMES = {
+    "mvcnn": "MVCNN", "rotationnet": "RotationNet", "viewgcn": "View-GCN", "pointnet": "PointNet", "dgcnn": "DGCNN",
+}  # fmt: skip
 THUMBNAIL = 112
 SHOWN_SHAPES = 8
 SHOWN_VIEWS = 12
@@ -33,14 +37,19 @@ def summary(findings: Findings) -> str:
     how = {
         "fixed": "fixed", "jittered": "jittered", "random": "random",
         "learned-direct": "learned", "learned-circular": "learned", "learned-spherical": "learned",
+        "learned-random": "learned",
     }.get(kind, kind)  # fmt: skip
-    start = "" if kind in ("random", "learned-direct") else f" ({config.get('layout', 'spherical')} layout)"
+    anywhere = ("random", "learned-direct", "learned-random", "transferred")
+    start = "" if kind in anywhere else f" ({config.get('layout', 'spherical')} layout)"
     if kind in ("learned-circular", "learned-spherical"):
         start = f" that start from a {kind.split('-')[1]} layout"
     noun = "view" if views == 1 else "views"
     title = findings.result["data"]["title"] or findings.result["data"]["spec"]
     title = title[:1].upper() + title[1:]
-    network = f"{config.get('backbone')} backbone, {config.get('image_size')}² pixels"
+    name = str(config.get("network", "mvcnn"))
+    if name in POINT_NETWORKS:
+        return f"{NETWORK_NAMES[name]} on {config.get('encoder_points')} points, without views. {title}"
+    network = f"{NETWORK_NAMES[name]}, {config.get('backbone')} backbone, {config.get('image_size')}² pixels"
     return f"{views} {how} {noun}{start}, {network}. {title}"
 
 
@@ -149,6 +158,8 @@ def camera_section(findings: Findings) -> dict[str, Any] | None:
     learned = str(findings.config.get("views", "")).startswith("learned")
     start = _common_start(findings) if learned else None
     statistics = findings.result["views"]
+    if statistics is None:
+        return None
     figures: list[dict[str, Any]] = []
     known = bool(findings.result.get("known_view"))
     if known:
@@ -165,7 +176,7 @@ def camera_section(findings: Findings) -> dict[str, Any] | None:
         "figures": figures,
         "statistics": statistics,
         "learned": learned,
-        "remarks": _remarks(statistics, learned),
+        "remarks": [*_remarks(statistics, learned), *_candidates(findings.result.get("model") or {})],
     }
 
 
@@ -208,6 +219,17 @@ def _remarks(statistics: Mapping[str, Any], learned: bool) -> list[str]:
     if share is not None and share > 0.2:
         remarks.append(f"{words.percent(share, 0)} of the views stand within 5° of another view of their shape.")
     return remarks
+
+
+def _candidates(model: Mapping[str, Any]) -> list[str]:
+    """What RotationNet takes for turns of the shape."""
+    turns = model.get("candidates")
+    if turns is None or turns["layout"] is None:
+        return []
+    return [
+        f"RotationNet tries {turns['count']} turns of each shape: those of the {turns['layout']} layout, "
+        "also where learned views have left it."
+    ]
 
 
 def before_and_after(findings: Findings) -> dict[str, Any] | None:

@@ -13,6 +13,7 @@ from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.training.run import NOT_SETTINGS, Run
 from mvtn_cli.errors import MvtnError, UsageError
+from mvtn_cli.network_config import POINT_NETWORKS
 
 
 def find_or_create_run(
@@ -74,8 +75,13 @@ def differences(run: Run, config: TrainConfig, prepared: Any) -> dict[str, tuple
 
 
 def default_name(config: TrainConfig, prepared: Any) -> str:
-    """A name that tells runs apart, such as `shapes-learned-spherical-6v-s0`."""
-    return f"{dataset_word(prepared.spec)}-{config.views}-{config.num_views}v-s{config.seed}"
+    """A name that tells runs apart, such as `shapes-learned-spherical-6v-s0` or `shapes-dgcnn-s0`."""
+    words = [dataset_word(prepared.spec)]
+    if config.network != "mvcnn":
+        words.append(config.network)
+    if config.network not in POINT_NETWORKS:
+        words += [config.views, f"{config.num_views}v"]
+    return "-".join([*words, f"s{config.seed}"])
 
 
 def dataset_word(spec: str) -> str:

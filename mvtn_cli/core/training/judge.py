@@ -38,10 +38,15 @@ def judge_epoch(
         each_batch: Called before each batch; may raise to end early.
     """
     answers = predict(model, shapes, select or shown, config, batch_size=config.batch_size, each_batch=each_batch)
-    health = watch.view_health(answers.azimuth_deg, answers.elevation_deg, answers.known_azimuth_deg)
-    return {
+    judged = {
         "val_loss": answers.loss if select else None,
         "val_accuracy": answers.accuracy if select else None,
+    }
+    if not model.uses_views:
+        return judged
+    health = watch.view_health(answers.azimuth_deg, answers.elevation_deg, answers.known_azimuth_deg)
+    return {
+        **judged,
         "view_error_deg": health["view_error_deg"],
         "view_saturation": answers.saturation,
         "view_spread_deg": health["view_spread_deg"],
@@ -61,11 +66,12 @@ def _rank(record: dict[str, Any]) -> tuple[float, float]:
     return record["val_accuracy"], -loss if math.isfinite(loss) else -math.inf
 
 
-def keep_best(run: Run, model: nn.Module, best: dict[str, Any], seen: Predictions) -> None:
-    """Write the weights of the best epoch, which one it was, and what its cameras see."""
+def keep_best(run: Run, model: nn.Module, best: dict[str, Any], seen: Predictions | None) -> None:
+    """Write the weights of the best epoch, which one it was, and what its cameras see, if there are any."""
     write_weights(run.weights_path("best"), model.state_dict(), best)
     write_json(run.path / "best.json", best)
-    keep_views(run, "best", seen)
+    if seen is not None:
+        keep_views(run, "best", seen)
 
 
 def look_at(
@@ -90,7 +96,8 @@ def look_at(
 def keep_views(run: Run, when: str, seen: Predictions) -> None:
     """Write views_start.npz or views_best.npz.
 
-    It holds names and labels (K,), azimuth and elevation (K, M) in degrees, images (K, M, 3, H, W) as uint8.
+    It holds names and labels (K,), azimuth and elevation (K, M) in degrees, distance (K, M) in shape radii, and
+    images (K, M, 3, H, W) as uint8.
     """
     assert seen.images is not None
     buffer = io.BytesIO()
@@ -100,6 +107,7 @@ def keep_views(run: Run, when: str, seen: Predictions) -> None:
         labels=seen.labels,
         azimuth=seen.azimuth_deg,
         elevation=seen.elevation_deg,
+        distance=seen.distance,
         images=seen.images,
     )
     write_run_file(run.path / f"views_{when}.npz", buffer.getvalue())
@@ -107,12 +115,13 @@ def keep_views(run: Run, when: str, seen: Predictions) -> None:
 
 def epoch_line(record: dict[str, Any], epochs: int, best: bool) -> str:
     """An epoch in one line for people."""
-    parts = [f"epoch {record['epoch']}/{epochs}"]
+    stage = ", single views" if record["stage"] == "views" else ""
+    parts = [f"epoch {record['epoch']}/{epochs}{stage}"]
     if record["train_loss"] is not None:
         parts.append(f"loss {record['train_loss']:.3f}, train {record['train_accuracy']:.1%}")
     if record["val_accuracy"] is not None:
         parts.append(f"val {record['val_accuracy']:.1%}" + (" (best)" if best else ""))
-    if record["view_error_deg"] is not None:
+    if record.get("view_error_deg") is not None:
         parts.append(f"views {record['view_error_deg']:.0f}° off")
     if record["skipped_steps"]:
         parts.append(f"{record['skipped_steps']} steps skipped")

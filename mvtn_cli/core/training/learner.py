@@ -24,10 +24,10 @@ class Learner(nn.Module):
     def forward(
         self, batch: ShapeBatch, look: Look, explore_deg: float, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """Give loss (), logits (B, C) and images (B, M, 3, H, W); only the loss has a gradient."""
+        """Give loss (), logits (B, C) and images (B, M, 3, H, W), none of points; only the loss has a gradient."""
         output = self.recogniser(batch, look, explore_deg=explore_deg, generator=generator)
         labels = batch.labels.to(output.logits.device)
-        loss = nn.functional.cross_entropy(output.logits, labels, label_smoothing=self.label_smoothing)
+        loss = self.recogniser.loss(output, labels, self.label_smoothing)
         return loss, output.logits.detach(), output.images.detach()
 
 

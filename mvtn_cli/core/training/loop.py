@@ -19,11 +19,11 @@ from mvtn_cli.core.render.compiled import announce_compilation
 from mvtn_cli.core.training import judge, learner, schedules, watch
 from mvtn_cli.core.training.device import choose_device, use_threads
 from mvtn_cli.core.training.find import find_or_create_run
+from mvtn_cli.core.training.fixed_views import load_batch, with_kept_views
 from mvtn_cli.core.training.position import Position, restore, save
 from mvtn_cli.core.training.randomness import epoch_batches, step_generator, step_seed
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.settle import settle_batch_norm
-from mvtn_cli.core.training.shapes import load_batch
 from mvtn_cli.core.training.signals import StopNow, StopRequest
 from mvtn_cli.core.training.split import Indices, shown_indices, training_indices
 from mvtn_cli.errors import Interrupted, MvtnError
@@ -67,8 +67,10 @@ def train(
     run = find_or_create_run(config, prepared, config.runs, name or config.name, console, reuse_finished=reuse_finished)
     if run.finished:
         return run
+    for warning in model.warnings():
+        console.warn(warning)
     with run.lock(), StopRequest(console, stop) as stopping:
-        run.set_state("running", selected_by=indices.selected_by)
+        run.set_state("running", selected_by=indices.selected_by, model=model.facts())
         try:
             _train(run, model, config, prepared, indices, console, stopping)
         except MvtnError as error:
@@ -104,31 +106,35 @@ def _train(
     viewpoints = dict(zip(optimisers, stepping, strict=True)).get(learner.VIEWPOINTS)
 
     announce_compilation(console)
+    shapes = with_kept_views(prepared, config, console)
 
     # Where it stands, and what the cameras see before they learn.
     position = restore(run, model, optimisers)
     steps = len(epoch_batches(indices.train, config.batch_size, config.seed, 0))
-    pictures_checked, collapse_told, saved = False, False, time.monotonic()
-    if position == Position():
-        judge.keep_views(run, "start", judge.look_at(model, prepared, shown, config))
+    pictures_checked, collapse_told, saved = not model.uses_views, False, time.monotonic()
+    if position == Position() and model.uses_views:
+        judge.keep_views(run, "start", judge.look_at(model, shapes, shown, config))
 
     while position.epoch < config.epochs:
         epoch, tally = position.epoch, position.tally
         batches = epoch_batches(indices.train, config.batch_size, config.seed, epoch)
         began = time.monotonic() - tally.seconds
+        model.begin_stage(schedules.stage_of(config, epoch))
+        teaching = viewpoints if model.stage == "shapes" else None
+        learning = [optimiser for optimiser in stepping if optimiser is not viewpoints or teaching is not None]
         model.train()
         with console.progress(f"epoch {epoch + 1}/{config.epochs}", steps) as ticker:
             ticker.advance(position.step)
             while position.step < steps:
                 # Schedules, and the randomness of this step: all from (seed, epoch, step).
                 step = position.step
-                done = (epoch * steps + step + 0.5) / (config.epochs * steps)
+                done = schedules.progress_in_stage(config, epoch, step, steps)
                 explore_deg = schedules.set_all(config, optimisers, done)
                 generator = step_generator(config.seed, epoch, step)
                 torch.manual_seed(step_seed(config.seed, epoch, step))
 
                 # Forward and backward.
-                batch, kind = load_batch(prepared, batches[step], config.render)
+                batch, kind = load_batch(shapes, batches[step], config.render)
                 look = Look.training(config, len(batch), kind, generator)
                 buffers = learner.copy_buffers(model)
                 loss, logits, images = loss_of(batch, look, explore_deg, generator)
@@ -143,10 +149,10 @@ def _train(
                 # Clip, then step; or else leave everything as it was before this batch.
                 trouble = watch.not_finite(loss, optimisers)
                 if trouble is None:
-                    if viewpoints is not None:
-                        norm = fabric.clip_gradients(loss_of, viewpoints, max_norm=config.clip)
+                    if teaching is not None:
+                        norm = fabric.clip_gradients(loss_of, teaching, max_norm=config.clip)
                         tally.gradient_norms.append(float(norm or 0.0))
-                    for optimiser in stepping:
+                    for optimiser in learning:
                         optimiser.step()
                     correct = (logits.argmax(1).cpu() == batch.labels).sum()
                     tally.add(float(loss.detach()), int(correct), len(batch))
@@ -174,10 +180,11 @@ def _train(
 
         # Judge the epoch by the shapes that choose the best one.
         try:
-            settle_batch_norm(model, prepared, indices.train, config, stopping.check)
-            judged = judge.judge_epoch(model, prepared, indices.select, shown, config, stopping.check)
-            better = judge.is_better(judged, position.best)
-            seen = judge.look_at(model, prepared, shown, config, stopping.check) if better else None
+            settle_batch_norm(model, shapes, indices.train, config, stopping.check)
+            judged = judge.judge_epoch(model, shapes, indices.select, shown, config, stopping.check)
+            better = model.stage == "shapes" and judge.is_better(judged, position.best)
+            look_again = better and model.uses_views
+            seen = judge.look_at(model, shapes, shown, config, stopping.check) if look_again else None
         except StopNow:
             save(run, position, model, optimisers)
             raise _interrupted(run, config, position, steps) from None
@@ -186,11 +193,12 @@ def _train(
         tally.seconds = time.monotonic() - began
         record = {
             "epoch": epoch + 1,
+            "stage": model.stage,
             **tally.summary(),
             **judged,
             "lr": optimisers[learner.CLASSIFIER].param_groups[0]["lr"],
         }
-        if seen is not None:
+        if better:
             position.best = {key: record[key] for key in ("epoch", "val_accuracy", "val_loss")}
             judge.keep_best(run, model, {**position.best, "selected_by": indices.selected_by}, seen)
         run.append_metrics(record)

@@ -18,9 +18,10 @@ from mvtn_cli.core.render import Look
 from mvtn_cli.core.render.compiled import announce_compilation
 from mvtn_cli.core.training.checkpoint import read_weights
 from mvtn_cli.core.training.device import choose_device
+from mvtn_cli.core.training.fixed_views import load_batch
 from mvtn_cli.core.training.randomness import evaluation_generator
 from mvtn_cli.core.training.run import Run
-from mvtn_cli.core.training.shapes import Shapes, alike_batches, load_batch
+from mvtn_cli.core.training.shapes import Shapes, alike_batches
 from mvtn_cli.errors import DataError
 
 
@@ -35,8 +36,9 @@ class Predictions:
         descriptors: (N, D) float32, what the last layer sees.
         azimuth_deg: (N, M) float32, not wrapped.
         elevation_deg: (N, M) float32, may lie beyond a pole.
+        distance: (N, M) float32, shape radii from the centre.
         known_azimuth_deg: (N,) float64, NaN where no best view is known.
-        images: (K, M, 3, H, W) uint8 of the first K shapes, or None.
+        images: (K, M, 3, H, W) uint8 of the first K shapes, or None; M is 0 for a network that looks at points.
         saturation: Share of the viewpoint network's outputs with |tanh| > 0.95; NaN without such a network.
     """
 
@@ -46,6 +48,7 @@ class Predictions:
     descriptors: NDArray[np.float32]
     azimuth_deg: NDArray[np.float32]
     elevation_deg: NDArray[np.float32]
+    distance: NDArray[np.float32]
     known_azimuth_deg: NDArray[np.float64]
     images: NDArray[np.uint8] | None = None
     saturation: float = float("nan")
@@ -161,6 +164,7 @@ def _arrays(output: Output) -> dict[str, np.ndarray]:
         "descriptors": output.descriptor,
         "azimuth_deg": output.cameras.azimuth_deg,
         "elevation_deg": output.cameras.elevation_deg,
+        "distance": output.cameras.distance.expand_as(output.cameras.azimuth_deg),
     }
     return {name: tensor.float().cpu().numpy() for name, tensor in tensors.items()}
 

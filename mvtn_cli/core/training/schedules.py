@@ -10,6 +10,7 @@ import math
 from torch.optim import Optimizer
 
 from mvtn_cli.config import TrainConfig
+from mvtn_cli.core.networks.multiview import Stage
 from mvtn_cli.core.training.learner import CLASSIFIER, VIEWPOINTS
 
 WARM_UP = 0.15  # of the classifier's one-cycle
@@ -82,6 +83,25 @@ def set_all(config: TrainConfig, optimisers: dict[str, Optimizer], progress: flo
         for group in optimiser.param_groups:
             group["lr"] = group["peak"] * share[name]
     return explore_deg(full_explore_deg(config.views, config.num_views, config.explore), progress)
+
+
+def stage_of(config: TrainConfig, epoch: int) -> Stage:
+    """The stage that an epoch, counted from 0, belongs to."""
+    return "views" if epoch < config.first_stage_epochs else "shapes"
+
+
+def progress_in_stage(config: TrainConfig, epoch: int, step: int, steps: int) -> float:
+    """How far the middle of a step is in its stage, 0..1: each stage has whole schedules of its own.
+
+    Args:
+        config: The settings.
+        epoch: Counted from 0.
+        step: Of this epoch, counted from 0.
+        steps: In an epoch.
+    """
+    first = config.first_stage_epochs
+    begin, end = (0, first) if epoch < first else (first, config.epochs)
+    return ((epoch - begin) * steps + step + 0.5) / ((end - begin) * steps)
 
 
 def _cosine(start: float, end: float, progress: float) -> float:

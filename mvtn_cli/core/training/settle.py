@@ -10,7 +10,8 @@ from torch.nn.modules.batchnorm import _BatchNorm
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.core.networks.recogniser import Recogniser
 from mvtn_cli.core.render import Look
-from mvtn_cli.core.training.shapes import Shapes, alike_batches, load_batch
+from mvtn_cli.core.training.fixed_views import load_batch
+from mvtn_cli.core.training.shapes import Shapes, alike_batches
 
 SHAPES = 256
 

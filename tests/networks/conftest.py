@@ -1,0 +1,44 @@
+"""Fixtures of this room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+
+import pytest
+import torch
+from tetrahedra import tetrahedron
+
+from mvtn_cli.core.networks import recogniser
+from mvtn_cli.core.render import ShapeBatch, pack
+
+
+@pytest.fixture
+def batch() -> ShapeBatch:
+    """Three shapes of three classes."""
+    return pack([tetrahedron(s) for s in (1.0, 0.7, 0.4)], labels=[0, 1, 2], names=["a", "b", "c"])
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[SimpleNamespace]:
+    """A stand-in for the renderer: pictures in colours of their cameras; keeps what it was asked."""
+    kept: list[SimpleNamespace] = []
+
+    def paint(batch, cameras, look, *, gradient, fd_step_deg):
+        kept.append(SimpleNamespace(cameras=cameras, gradient=gradient, fd_step_deg=fd_step_deg, look=look))
+        size = look.image_size
+        ramp = torch.linspace(0, 1, size * size).reshape(size, size)
+        stretch = 1 + batch.points.flatten(1).std(dim=1)[:, None, None, None, None]
+        return SimpleNamespace(rgb=torch.sigmoid(stretch * cameras.positions[..., None, None] * ramp))
+
+    monkeypatch.setattr(recogniser, "render", paint)
+    return kept
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Pictures of 16 pixels are not worth a second thread."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
