@@ -29,8 +29,12 @@ def draw_points(
     size: int,
     radius: float,
     background: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    cue: float = 0.0,
 ) -> np.ndarray:
-    """Return the (3, H, W) image of P points with P colours; equally near points in their own order."""
+    """Return the (3, H, W) image of P points with P colours; equally near points in their own order.
+
+    A point keeps all of its light up to one radius of the shape before its centre, 1 - cue from one radius behind.
+    """
     right, up, back = (points.astype(np.float64) @ rt[:, :3].T + rt[:, 3]).T
     ahead = -back
     seen = np.flatnonzero(ahead > NEAR)
@@ -38,8 +42,9 @@ def draw_points(
     scale = focal / ahead[seen]
     across = shares(size / 2 + right[seen] * scale, radius * scale * SIGMA, size)
     down = shares(size / 2 - up[seen] * scale, radius * scale * SIGMA, size)
+    shade = 1 - cue * np.clip((ahead[seen] + rt[2, 3] + 1) / 2, 0, 1)
     image, left = np.zeros((size, size, 3)), np.ones((size, size))
-    for row, column, color in zip(down, across, colors[seen], strict=True):
+    for row, column, color in zip(down, across, colors[seen] * shade[:, None], strict=True):
         alpha = np.minimum(AMPLITUDE * np.outer(row, column), OPAQUE)
         image += (left * alpha)[:, :, None] * color
         left *= 1 - alpha

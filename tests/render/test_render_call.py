@@ -253,6 +253,7 @@ class Settings:
     shading: str = "flat"
     supersample: int = 2
     point_radius: float = 0.03
+    depth_cue: float = 0.0
 
 
 @pytest.mark.parametrize("style", ["studio", "paper"])

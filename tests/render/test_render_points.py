@@ -27,13 +27,13 @@ def look(size, radius, **changes):
     return scenes.look(size, kind="points", point_radius=radius, **changes)
 
 
-def twin(points, view, size, radius, *, colors=None, background=(0.0, 0.0, 0.0)):
+def twin(points, view, size, radius, *, colors=None, background=(0.0, 0.0, 0.0), cue=0.0):
     rt = camera_matrices(*(torch.tensor(value, dtype=torch.float64) for value in view)).numpy()
     colors = np.ones(points.shape) if colors is None else colors
-    return draw_points(points, colors, rt, scenes.focal(size), size, radius, background)
+    return draw_points(points, colors, rt, scenes.focal(size), size, radius, background, cue)
 
 
-def twin_gradient(points, view, size, radius, weights, colors=None, step=1e-5, axes=(0, 1, 2)):
+def twin_gradient(points, view, size, radius, weights, colors=None, step=1e-5, axes=(0, 1, 2), cue=0.0):
     """Return central differences of <weights, image> by azimuth, elevation, distance."""
     gradient = []
     for axis in axes:
@@ -41,7 +41,7 @@ def twin_gradient(points, view, size, radius, weights, colors=None, step=1e-5, a
         for sign in (1, -1):
             moved = list(view)
             moved[axis] += sign * step
-            ends.append((twin(points, moved, size, radius, colors=colors) * weights).sum())
+            ends.append((twin(points, moved, size, radius, colors=colors, cue=cue) * weights).sum())
         gradient.append((ends[0] - ends[1]) / (2 * step))
     return np.array(gradient)
 
@@ -64,6 +64,19 @@ def test_image_equals_the_twin(name, colored):
     drawn = image(scenes.cloud(points, colors), cameras(VIEW), look(size, radius, background=(0.2, 0.1, 0.6)))[0]
     expected = twin(points, VIEW, size, radius, colors=colors, background=(0.2, 0.1, 0.6))
     np.testing.assert_allclose(drawn, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("cue", [0.5, 1.0])
+@pytest.mark.parametrize("name", CLOUDS)
+def test_points_grow_darker_with_depth_and_the_gradient_knows(name, cue):
+    points, radius, size = CLOUDS[name]
+    points = (1.6 * points).astype(np.float32)  # some lie beyond the depths between which the shade changes
+    weights = np.random.default_rng(2).standard_normal((1, 3, size, size)).astype(np.float32)
+    drawn = image(scenes.cloud(points), cameras(VIEW), look(size, radius, depth_cue=cue))[0]
+    np.testing.assert_allclose(drawn, twin(points, VIEW, size, radius, cue=cue), atol=1e-5)
+    got = gradients(scenes.cloud(points), cameras(VIEW), look(size, radius, depth_cue=cue), weights)[0]
+    expected = twin_gradient(points, VIEW, size, radius, weights[0], cue=cue)
+    np.testing.assert_allclose(got, expected, atol=1e-3 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ WORDS = {
     "near-clip": ("faces that need no clipping", "all reach the near plane"),
     "same-view": ("views that equal another", "all differ"),
     "no-gradient": ("views without incoming gradient", "all have one, or nothing asked for a gradient"),
+    "fixed-views": ("views painted from what was seen before", "all are new, move, or are of points"),
 }
 
 

@@ -38,6 +38,8 @@ class LookSettings(Protocol):
     def supersample(self) -> int: ...
     @property
     def point_radius(self) -> float: ...
+    @property
+    def depth_cue(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class Look:
         shading: "smooth" (interpolated normals) or "flat".
         supersample: Samples per pixel along each axis.
         point_radius: World radius of a point's disc, in shape radii.
+        depth_cue: Share of its light that a drawn point loses from one shape radius before the centre to one behind.
     """
 
     image_size: int
@@ -70,6 +73,7 @@ class Look:
     shading: str = "smooth"
     supersample: int = 2
     point_radius: float = 0.02
+    depth_cue: float = 0.0
 
     @property
     def material(self) -> np.ndarray:
@@ -115,6 +119,7 @@ def _common(settings: LookSettings, kind: str) -> dict:
         "shading": settings.shading,
         "supersample": settings.supersample,
         "point_radius": settings.point_radius,
+        "depth_cue": 0.0 if settings.look == "paper" else settings.depth_cue,
     }
 
 

@@ -9,6 +9,7 @@ checker of the others.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ import torch
 from mvtn_cli.core.render.batch import ShapeBatch
 from mvtn_cli.core.render.compiled import njit, parallel_chunksize, prange
 from mvtn_cli.core.render.gbuffer import GBuffers, empty_buffers, with_room
+from mvtn_cli.core.render.kept_views import KeptViews, paint_kept_views, put_together
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.raster import NEAR
 from mvtn_cli.core.render.skips import EVERYTHING, NO_GRADIENT, SAME_VIEW
@@ -138,6 +140,18 @@ class MeshScene:
                 out,
             )  # fmt: skip
         return (out if len(buffers.view_of) == count else out[buffers.view_of]), samples
+
+    def paint_kept(self, kept: Sequence[KeptViews]) -> np.ndarray:
+        """Return the images (N, 3, H, W) float32 of kept views of each shape of the batch, bit for bit as `paint`."""
+        packed = put_together(kept)
+        out = np.empty((len(packed.rts), 3, self.size, self.size), np.float32)
+        with parallel_chunksize(1):
+            paint_kept_views(
+                packed.rts, packed.shape_of, self.side, self.fine_focal, self.look.supersample, self.lights,
+                self.albedos, self.look.material, self.background, self.skips, packed.boxes, packed.covered,
+                packed.normals, packed.tints, packed.records, packed.where, packed.starts, out,
+            )  # fmt: skip
+        return out
 
     def images(self, rts: np.ndarray) -> np.ndarray:
         """Draw (B, M, 3, 4) cameras: (B, M, 3, H, W) float32; buffers are kept for a few views at a time only."""

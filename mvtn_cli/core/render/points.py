@@ -6,7 +6,8 @@ point far smaller than a pixel still has the right weight and nothing flickers w
 
     alpha(pixel) = A I(x) I(y),   I(x) = sigma (F((k + 1 - x) / sigma) - F((k - x) / sigma)),   F' = k
 
-A gives a disc the mass of the radial kernel of the same radius. Blending is C += T alpha c, T *= 1 - alpha, and the
+A gives a disc the mass of the radial kernel of the same radius. Blending is C += T alpha s c, T *= 1 - alpha, where the
+shade s falls with depth (the depth cue: what lies behind is darker, as points have no normals to be lit by), and the
 background is seen through what is left: never normalised weights, which have no gradient where all points share one
 colour.
 """
@@ -80,7 +81,21 @@ def on_screen(right, up, ahead, focal, radius, height, width):
 
 
 @njit
-def draw_points(points, colors, rt, focal, radius, background, image):
+def shade_of(ahead, distance, cue):
+    """Return the share of its colour that a point keeps at this depth, and its derivative by the depth.
+
+    All of it one shape radius before the centre, `1 - cue` one radius behind, and no change beyond.
+    """
+    behind = 0.5 * (ahead - distance + 1.0)
+    if behind <= 0.0:
+        return 1.0, 0.0
+    if behind >= 1.0:
+        return 1.0 - cue, 0.0
+    return 1.0 - cue * behind, -0.5 * cue
+
+
+@njit
+def draw_points(points, colors, rt, focal, radius, cue, background, image):
     """Fill `image` (3,H,W)."""
     height, width = image.shape[1], image.shape[2]
     camera = np.empty(points.shape)
@@ -93,6 +108,7 @@ def draw_points(points, colors, rt, focal, radius, background, image):
         visible, x, y, sigma = on_screen(camera[i, 0], camera[i, 1], camera[i, 2], focal, radius, height, width)
         if not visible:
             continue
+        shade, _ = shade_of(camera[i, 2], -rt[2, 3], cue)
         column, columns = fill_shares(x, sigma, width, shares_x)
         row, rows = fill_shares(y, sigma, height, shares_y)
         for j in range(rows):
@@ -100,7 +116,7 @@ def draw_points(points, colors, rt, focal, radius, background, image):
                 alpha = min(AMPLITUDE * shares_y[j, 0] * shares_x[k, 0], OPAQUE)
                 weight = left[row + j, column + k] * alpha
                 for channel in range(3):
-                    image[channel, row + j, column + k] += weight * colors[i, channel]
+                    image[channel, row + j, column + k] += weight * shade * colors[i, channel]
                 left[row + j, column + k] *= 1.0 - alpha
     for channel in range(3):
         for j in range(height):
@@ -109,13 +125,13 @@ def draw_points(points, colors, rt, focal, radius, background, image):
 
 
 @njit
-def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, colour, weights, left, behind):
-    """Walk one point's pixels: return dL/dx, dL/dy, dL/dsigma, and take the point out of `left` and `behind`.
+def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, colour, shade, weights, left, behind):
+    """Walk one point's pixels: return dL/dx, dL/dy, dL/dsigma, dL/dshade; take it out of `left` and `behind`.
 
     `behind` holds, for each pixel, <weight, all colour that is still to come>; alpha moves both this point's share and
     what it hides.
     """
-    gx = gy = gs = 0.0
+    gx = gy = gs = g_shade = 0.0
     for j in range(rows):
         for k in range(columns):
             alpha = AMPLITUDE * shares_y[j, 0] * shares_x[k, 0]
@@ -125,6 +141,8 @@ def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, 
             wanted = 0.0
             for channel in range(3):
                 wanted += weights[channel, row + j, column + k] * colour[channel]
+            g_shade += seen * alpha * wanted
+            wanted *= shade
             behind[row + j, column + k] -= seen * alpha * wanted
             if not clamped:
                 by_alpha = AMPLITUDE * (seen * wanted - behind[row + j, column + k] / (1.0 - alpha))
@@ -132,11 +150,11 @@ def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, 
                 gy += by_alpha * shares_x[k, 0] * shares_y[j, 1]
                 gs += by_alpha * (shares_x[k, 2] * shares_y[j, 0] + shares_x[k, 0] * shares_y[j, 2])
             left[row + j, column + k] = seen * (1.0 - alpha)
-    return gx, gy, gs
+    return gx, gy, gs, g_shade
 
 
 @njit
-def differentiate_points(points, colors, rt, focal, radius, image, weights, out):
+def differentiate_points(points, colors, rt, focal, radius, cue, image, weights, out):
     """Fill `out` (3,4) with d<weights, image>/d[R|t]; `image` is what `draw_points` made."""
     height, width = image.shape[1], image.shape[2]
     camera = np.empty(points.shape)
@@ -156,8 +174,9 @@ def differentiate_points(points, colors, rt, focal, radius, image, weights, out)
             continue
         column, columns = fill_shares(x, sigma, width, shares_x)
         row, rows = fill_shares(y, sigma, height, shares_y)
-        gx, gy, gs = point_gradient(
-            x, y, sigma, column, columns, row, rows, shares_x, shares_y, colors[i], weights, left, behind
+        shade, by_ahead = shade_of(ahead, -rt[2, 3], cue)
+        gx, gy, gs, g_shade = point_gradient(
+            x, y, sigma, column, columns, row, rows, shares_x, shares_y, colors[i], shade, weights, left, behind
         )
         scale = focal / ahead
         # x = W/2 + f right / ahead, y = H/2 - f up / ahead, sigma ~ 1 / ahead; the third camera axis points backward.
@@ -166,49 +185,51 @@ def differentiate_points(points, colors, rt, focal, radius, image, weights, out)
         for axis in range(3):
             out[0, axis] += g_right * points[i, axis]
             out[1, axis] += g_up * points[i, axis]
-            out[2, axis] += g_back * points[i, axis]
+            out[2, axis] += (g_back - g_shade * by_ahead) * points[i, axis]
         out[0, 3] += g_right
         out[1, 3] += g_up
         out[2, 3] += g_back
 
 
 @njit(parallel=True)
-def draw_all(points, colors, rts, shape_of, focal, radius, background, images):
+def draw_all(points, colors, rts, shape_of, focal, radius, cue, background, images):
     """Draw view n of cloud `shape_of[n]`, for all n in parallel."""
     for n in prange(rts.shape[0]):
-        draw_points(points[shape_of[n]], colors[shape_of[n]], rts[n], focal, radius, background, images[n])
+        draw_points(points[shape_of[n]], colors[shape_of[n]], rts[n], focal, radius, cue, background, images[n])
 
 
 @njit(parallel=True)
-def differentiate_all(points, colors, rts, shape_of, focal, radius, images, weights, out):
+def differentiate_all(points, colors, rts, shape_of, focal, radius, cue, images, weights, out):
     """Gradient of every view, in parallel."""
     for n in prange(rts.shape[0]):
         b = shape_of[n]
-        differentiate_points(points[b], colors[b], rts[n], focal, radius, images[n], weights[n], out[n])
+        differentiate_points(points[b], colors[b], rts[n], focal, radius, cue, images[n], weights[n], out[n])
 
 
 class RenderPoints(torch.autograd.Function):
     """Images (B,M,3,H,W) of points (B,P,3) with colours (B,P,3), from [R|t] (B,M,3,4) float64."""
 
     @staticmethod
-    def forward(ctx, rt, points: np.ndarray, colors: np.ndarray, focal: float, radius: float, background, size: int):
+    def forward(
+        ctx, rt, points: np.ndarray, colors: np.ndarray, focal: float, radius: float, cue: float, background, size
+    ):
         """Draw every (cloud, camera) pair."""
         b, m = rt.shape[:2]
         flat = np.ascontiguousarray(rt.detach().numpy().reshape(-1, 3, 4), np.float64)
         images = np.empty((b * m, 3, size, size))  # float64: backward divides what is left of it
         shape_of = np.repeat(np.arange(b), m)
         with parallel_chunksize(1):
-            draw_all(points, colors, flat, shape_of, focal, radius, np.array(background), images)
-        ctx.scene = (points, colors, flat, shape_of, focal, radius, images)
+            draw_all(points, colors, flat, shape_of, focal, radius, cue, np.array(background), images)
+        ctx.scene = (points, colors, flat, shape_of, focal, radius, cue, images)
         return torch.from_numpy(images.astype(np.float32).reshape(b, m, 3, size, size))
 
     @staticmethod
     def backward(ctx, grad):
         """Reduce straight to the twelve numbers of each view's [R|t]."""
-        points, colors, flat, shape_of, focal, radius, images = ctx.scene
+        points, colors, flat, shape_of, focal, radius, cue, images = ctx.scene
         weights = np.ascontiguousarray(grad.detach().float().cpu().numpy().reshape(images.shape))
         out = np.empty_like(flat)
         with parallel_chunksize(1):
-            differentiate_all(points, colors, flat, shape_of, focal, radius, images, weights, out)
+            differentiate_all(points, colors, flat, shape_of, focal, radius, cue, images, weights, out)
         gradient = torch.from_numpy(out.reshape(*grad.shape[:2], 3, 4))
-        return gradient, None, None, None, None, None, None
+        return gradient, None, None, None, None, None, None, None

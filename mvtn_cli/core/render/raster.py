@@ -89,13 +89,10 @@ def fill(
 
     1/z is affine in the sample; it is held between the face's own `farthest` and `nearest`, which keeps edge-on faces
     from spilling depth. The plane is found at the first sample that is covered: most faces of a dense mesh cover none.
-
-    Returns:
-        Whether any sample centre is covered.
     """
     area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
     if area == 0:
-        return False
+        return
     if area < 0:
         x1, x2, y1, y2 = x2, x1, y2, y1
     height, width = ids.shape
@@ -125,7 +122,7 @@ def fill(
                     known = True
                     usable, plane_i, plane_j, plane_0 = plane_of(faces, camera, face, focal, height, width)
                     if not usable:
-                        return True
+                        return
                 w = min(max(plane_i * i + plane_j * j + plane_0, farthest), nearest)
                 if w > inverse_depth[j, i] * DEPTH_MARGIN:
                     inverse_depth[j, i] = w
@@ -136,7 +133,6 @@ def fill(
         edge_a += ax * SUBPIXEL
         edge_b += bx * SUBPIXEL
         edge_c += cx * SUBPIXEL
-    return known
 
 
 @njit
@@ -189,7 +185,7 @@ def draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, i
     """Cut one face at the near plane and draw what is left; `polygon` (4,2) int64 is scratch."""
     height, width = ids.shape
     if not plane_of(faces, camera, face, focal, height, width)[0]:
-        return False
+        return
     corners, nearest_z, farthest_z = 0, 1e300, 0.0
     for s in range(3):
         i, j = faces[face, s], faces[face, (s + 1) % 3]
@@ -200,16 +196,14 @@ def draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, i
         if (camera[i, 2] > NEAR) != (camera[j, 2] > NEAR):
             polygon[corners, 0], polygon[corners, 1] = cut_at_near(camera, i, j, focal, height, width)
             corners += 1
-    covers = False
     for s in range(1, corners - 1):
         x0, y0, x1, y1 = polygon[0, 0], polygon[0, 1], polygon[s, 0], polygon[s, 1]
         x2, y2 = polygon[s + 1, 0], polygon[s + 1, 1]
         left, right, top, bottom = box_of(x0, y0, x1, y1, x2, y2, height, width)
-        covers |= fill(
+        fill(
             x0, y0, x1, y1, x2, y2, left, right, max(top, first_row), min(bottom, last_row), face, faces, camera,
             focal, 1.0 / max(nearest_z, NEAR), 1.0 / farthest_z, ids, inverse_depth,
         )  # fmt: skip
-    return covers
 
 
 @njit
@@ -270,22 +264,24 @@ def rasterise(faces, solid, camera, screen, focal, first_row, last_row, skips, i
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
         x0, x1, x2 = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
         y0, y1, y2 = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
-        if min(x0, x1, x2) == BEHIND or skips & NEAR_CLIP == 0:
-            counts[CLIPPED] += 1
-            if max(x0, x1, x2) == BEHIND and skips & FRUSTUM != 0:
-                counts[OUTSIDE] += 1
-            elif draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon):
-                counts[DRAWN] += 1
-            else:
-                counts[COVERS_NOTHING] += 1
+        reaches = min(x0, x1, x2) == BEHIND
+        clipping = reaches or skips & NEAR_CLIP == 0
+        counts[CLIPPED] += clipping
+        if max(x0, x1, x2) == BEHIND and skips & FRUSTUM != 0:
+            counts[OUTSIDE] += 1
+            continue
+        if reaches:
+            counts[DRAWN] += 1
+            draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon)
             continue
         left, right, top, bottom = box_of(x0, y0, x1, y1, x2, y2, height, width)
         top, bottom = max(top, first_row), min(bottom, last_row)
-        if left > right or top > bottom:
+        empty = left > right or top > bottom
+        if empty:
             outside = max(x0, x1, x2) < HALF or min(x0, x1, x2) > width * SUBPIXEL - HALF
             outside = outside or max(y0, y1, y2) < HALF or min(y0, y1, y2) > height * SUBPIXEL - HALF
-            counts[OUTSIDE if outside else COVERS_NOTHING] += 1
             if skips & (FRUSTUM if outside else NO_SAMPLE) != 0:
+                counts[OUTSIDE if outside else COVERS_NOTHING] += 1
                 continue
         if culling and solid[face] != 0 and seen_from_behind(x0, y0, x1, y1, x2, y2):
             counts[BEHIND_SOLID] += 1
@@ -294,14 +290,15 @@ def rasterise(faces, solid, camera, screen, focal, first_row, last_row, skips, i
         if face >= due:
             refresh_tiles(inverse_depth, first_row, last_row, tiles)
             due, tiled = due + REFRESH, True
-        if tiled and hidden(tiles, left, right, top, bottom, nearest):
+        if tiled and not empty and hidden(tiles, left, right, top, bottom, nearest):
             counts[HIDDEN] += 1
             continue
+        counts[DRAWN] += 1
+        if clipping:
+            draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon)
+            continue
         farthest = 1.0 / max(camera[a, 2], camera[b, 2], camera[c, 2])
-        if fill(
+        fill(
             x0, y0, x1, y1, x2, y2, left, right, top, bottom, face, faces, camera, focal, nearest, farthest, ids,
             inverse_depth,
-        ):  # fmt: skip
-            counts[DRAWN] += 1
-        elif left <= right and top <= bottom:
-            counts[COVERS_NOTHING] += 1
+        )  # fmt: skip

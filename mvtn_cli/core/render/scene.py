@@ -14,7 +14,8 @@ from mvtn_cli.core.render.batch import ShapeBatch
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.mesh import EdgeFlow, FiniteDifferences, MeshScene, camera_matrices, focal_pixels
 from mvtn_cli.core.render.points import RenderPoints
-from mvtn_cli.core.render.skips import active_skips
+from mvtn_cli.core.render.skips import FIXED_VIEWS, active_skips
+from mvtn_cli.core.render.view_keeper import KeptBatch, kept_images
 from mvtn_cli.core.views import Cameras
 from mvtn_cli.errors import DataError
 
@@ -51,7 +52,8 @@ def render(
     """Draw every shape of the batch from each of its M cameras.
 
     Args:
-        batch: B shapes.
+        batch: B shapes; a `KeptBatch` (view_keeper.py) is seen once from cameras that take no gradient, and painted
+            ever after, unless `skips` lacks `fixed-views`.
         cameras: (B, M) cameras; tensors of another device are rendered on the CPU and copied back.
         look: Light, colour, size; its `kind` says whether faces or points are drawn.
         gradient: Carries a gradient to azimuth, elevation and distance: "edge-flow" analytically, "shading" without
@@ -79,6 +81,12 @@ def render(
         cameras = cameras.detach()
     if look.kind == "points":
         return Images(rgb=_points(batch, cameras, look))
+    if isinstance(batch, KeptBatch):
+        matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
+        if skips & FIXED_VIEWS and "geometry" not in outputs and not matrices.requires_grad:
+            pictures = torch.from_numpy(kept_images(batch, matrices.numpy(), look, cameras.fov_deg, skips))
+            return Images(rgb=pictures.to(cameras.azimuth_deg.device))
+        batch = batch.packed()
     if not batch.has_meshes:
         empty = [name for name, n in zip(batch.names, np.diff(batch.offsets[1]), strict=False) if n == 0]
         raise DataError(
@@ -123,7 +131,7 @@ def _points(batch: ShapeBatch, cameras: Cameras, look: Look) -> torch.Tensor:
     points = np.ascontiguousarray(batch.points.cpu().numpy(), np.float64)
     matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
     images = RenderPoints.apply(
-        matrices, points, np.ascontiguousarray(colors, np.float64), focal, look.point_radius, look.background,
-        look.image_size,
+        matrices, points, np.ascontiguousarray(colors, np.float64), focal, look.point_radius, look.depth_cue,
+        look.background, look.image_size,
     )  # fmt: skip
     return images.to(cameras.azimuth_deg.device)

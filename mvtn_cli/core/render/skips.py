@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from mvtn_cli.errors import choose_error
 
 FRUSTUM, BACKFACE, NO_SAMPLE, OCCLUDED, BACKGROUND, NEAR_CLIP, SHADING_TERMS = (1 << n for n in range(7))
-NO_GRADIENT, SAME_VIEW = 1 << 7, 1 << 8
+NO_GRADIENT, SAME_VIEW, FIXED_VIEWS = 1 << 7, 1 << 8, 1 << 9
 BITS = {
     "frustum": FRUSTUM,
     "backface": BACKFACE,
@@ -21,9 +21,11 @@ BITS = {
     "shading-terms": SHADING_TERMS,
     "no-gradient": NO_GRADIENT,
     "same-view": SAME_VIEW,
+    "fixed-views": FIXED_VIEWS,
 }
 EVERYTHING = sum(BITS.values())
-# Places in the row of counters that a view's kernels fill.
+# Places in the row of counters that a view's kernels fill: faces, drawn or left out for one reason; faces that took the
+# way over the near plane; samples.
 SEEN, DRAWN, OUTSIDE, BEHIND_SOLID, COVERS_NOTHING, HIDDEN, CLIPPED, EMPTY_SAMPLES, SAMPLES = range(9)
 COUNTERS = 9
 

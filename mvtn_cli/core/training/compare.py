@@ -14,6 +14,7 @@ from mvtn_cli.config import SELECTIONS, TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.training.checkpoint import write_json
 from mvtn_cli.core.training.find import candidates, dataset_word, readable_differences
+from mvtn_cli.core.training.fixed_views import with_kept_views
 from mvtn_cli.core.training.loop import train
 from mvtn_cli.core.training.predict import load_model, predict
 from mvtn_cli.core.training.run import Run
@@ -59,7 +60,7 @@ def compare(
     group = config.name or _free_group(config, plan, prepared)
     if evaluate is None and not prepared.split("test"):
         raise DataError(f"no shapes for split 'test' in {prepared.spec}", code="dataset.empty-split")
-    judge = evaluate or (lambda run: _test_accuracy(run, prepared, config.device))
+    judge = evaluate or (lambda run: _test_accuracy(run, prepared, config.device, console))
     results: dict[str, list[float]] = {name: [] for name in names}
     runs: dict[str, list[str]] = {name: [] for name in names}
     for (name, seed), one in plan.items():  # by seed first, so that an early stop leaves whole pairs
@@ -164,8 +165,9 @@ def _train_one(config: TrainConfig, name: str, prepared: Any, console: Console) 
         raise
 
 
-def _test_accuracy(run: Run, prepared: Any, device: str) -> float:
+def _test_accuracy(run: Run, prepared: Any, device: str, console: Console) -> float:
     """Share of the test split that the best weights classify right."""
     model = load_model(run, "best", device)
     settings = run.config
-    return predict(model, prepared, prepared.split("test"), settings, batch_size=settings.batch_size).accuracy
+    shapes = with_kept_views(prepared, settings, console)
+    return predict(model, shapes, prepared.split("test"), settings, batch_size=settings.batch_size).accuracy
