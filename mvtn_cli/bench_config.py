@@ -1,4 +1,4 @@
-"""Settings of `mvtn bench`; those of all other commands are in `config.py`."""
+"""Settings of `mvtn bench`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, model_validator
 from mvtn_cli.errors import UsageError
 from mvtn_cli.fields import Config, option, several
 
-What = Literal["gradient", "render", "pose", "image", "stiff"]
+What = Literal["gradient", "render", "pose", "image", "stiff", "skips", "retrieval"]
 WHATS: tuple[str, ...] = get_args(What)
 Names = Annotated[tuple[str, ...], BeforeValidator(several)]
 
@@ -21,7 +21,8 @@ class BenchConfig(Config):
     what: What = option(
         "gradient",
         "gradient: how right it is; render: what it costs beside ResNet-18; pose: whether it finds cameras again; "
-        "image: how right pictures are; stiff: what breaks renderers",
+        "image: how right pictures are; stiff: what breaks renderers; "
+        "skips: what is left out, and what that saves; retrieval: time and memory of exact measures",
         "Data",
         argument=True,
     )
@@ -37,6 +38,9 @@ class BenchConfig(Config):
     look: Literal["studio", "relief", "paper"] = option(
         "studio", "Material: studio: soft; relief: steep; paper: as published; black behind all", "Measure"
     )
+    queries: int | None = option(None, "Shapes that search, for retrieval; auto: 10265", "Measure", ge=1)
+    gallery: int | None = option(None, "Shapes that are searched, for retrieval; auto: 35764", "Measure", ge=1)
+    dim: int | None = option(None, "Numbers in a descriptor, for retrieval; auto: 128", "Measure", ge=1, le=100_000)
     seed: int = option(0, "Of loss weights, lights, colours and starts", "Measure", ge=0, le=2**32 - 1)
     csv: Path | None = option(None, "Also write the rows as CSV", "Answer", metavar="FILE")
     plot: Path | None = option(None, "Also plot error against time, .svg or .png", "Answer", metavar="FILE")
@@ -66,6 +70,13 @@ class BenchConfig(Config):
             )
         if self.what == "stiff" and self.compare is None and self.meshes:
             raise UsageError("the stiff set brings its own meshes", hint="leave --mesh out", code="bench.mesh")
+        if self.what == "retrieval" and self.compare is None and self.meshes:
+            raise UsageError("retrieval is measured with random numbers", hint="leave --mesh out", code="bench.mesh")
+        sizes = [name for name in ("queries", "gallery", "dim") if getattr(self, name) is not None]
+        if sizes and self.what != "retrieval":
+            raise UsageError(
+                f"--{sizes[0]} belongs to mvtn bench retrieval", hint=f"leave --{sizes[0]} out", code="bench.sizes"
+            )
         return self
 
     @property

@@ -24,6 +24,11 @@ COLUMNS = {  # what people are shown; --json and --csv have all
     ),
     "pose": ("mesh", "faces", "light", "mode", "within_1deg", "of", "median_deg", "worst_deg", "seconds"),
     "image": ("mesh", "shading", "image_size", "supersample", "rmse", "seconds", "truth_rmse"),
+    "skips": (
+        *("mesh", "faces", "scene", "skip", "things", "left_out", "of", "share"),
+        *("seconds", "seconds_off", "ratio", "identical", "pixels_differ"),
+    ),
+    "retrieval": ("what", "queries", "gallery", "dim", "classes", "seconds", "peak_mib", "map"),
     "stiff": ("code", "case", "drawn", "faces", "views", "non_finite", "seconds", "problem"),
 }
 
@@ -52,6 +57,9 @@ def bench(config: BenchConfig, call: Call) -> None:
         num_views=config.num_views,
         look=config.look,
         seed=config.seed,
+        queries=config.queries,
+        gallery=config.gallery,
+        dim=config.dim,
     )
     for words in departures(config.what, plan):
         call.console.note(f"reduced: {words}")
@@ -130,7 +138,7 @@ def command_words(config: BenchConfig) -> str:
     words = ["mvtn", "bench", config.what]
     words += ["--mesh", *config.meshes] if config.meshes else []
     words += ["--quick"] if config.quick else []
-    for name in ("up", "image_size", "num_views", "threads"):
+    for name in ("up", "image_size", "num_views", "queries", "gallery", "dim", "threads"):
         value = getattr(config, name)
         words += [f"--{name.replace('_', '-')}", str(value)] if value is not None else []
     words += ["--look", config.look] if config.look != "studio" else []

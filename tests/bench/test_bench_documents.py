@@ -149,6 +149,17 @@ def test_points_of_a_gradient_are_the_means_with_failures_named_and_the_widest_b
     assert bands == {"smooth weights": 0.03} and "L2" in error
 
 
+def test_clouds_are_plotted_by_radius_with_a_band_of_their_own():
+    rows = [row(), row("exact", shading="points 0.03", truth_l2=0.5), row("exact", shading="points 0.006")]
+    points, bands, _ = points_of("gradient", rows)
+    assert [(point.group, point.setting) for point in points] == [
+        ("smooth weights", "edge-flow"),
+        ("smooth weights, points", "points 0.03"),
+        ("smooth weights, points", "points 0.006"),
+    ]
+    assert bands == {"smooth weights": 0.01, "smooth weights, points": 0.5}
+
+
 def test_points_of_a_pose_fail_where_a_view_was_missed():
     base = {"mode": "fd", "seconds": 1.0, "median_deg": 0.2, "of": 12}
     points, bands, _ = points_of(

@@ -13,10 +13,10 @@ from mvtn_cli.core.bench import gradient as gradient_bench
 from mvtn_cli.core.bench.cost import measure_cost
 from mvtn_cli.core.bench.gradient import judged, measure_gradient
 from mvtn_cli.core.bench.image import measure_image
-from mvtn_cli.core.bench.modes import DEFAULT_MODE, Mode, all_modes, angle_gradient
+from mvtn_cli.core.bench.modes import DEFAULT_MODE, Mode, all_modes, angle_gradient, modes_of
 from mvtn_cli.core.bench.plan import Plan, TruthSetting
 from mvtn_cli.core.bench.pose import measure_pose
-from mvtn_cli.core.bench.subjects import builtin_subjects, cameras_at, golden_spiral, look_at
+from mvtn_cli.core.bench.subjects import DRAWN, builtin_subjects, cameras_at, golden_spiral, look_at
 from mvtn_cli.core.bench.truth import lattice_shifts, shifted_matrices, true_gradient, views_at_once
 from mvtn_cli.core.bench.weights import smooth_weights
 from mvtn_cli.core.render import GRADIENTS, pack
@@ -71,6 +71,27 @@ def test_the_truth_is_what_the_default_mode_finds_at_many_samples(subjects, numb
     assert np.allclose(truth["2w"], 2 * truth["w"])
 
 
+@pytest.mark.parametrize(
+    ("radius", "samples", "l2"), [(0.14, 1, 0.01), (0.03, 1, 0.01), (0.14, 6, 0.25), (0.03, 6, 0.6)]
+)
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_gradient_of_points_is_exact_for_their_image_and_near_that_of_a_finer_one(
+    subjects, number, radius, samples, l2
+):
+    """White and coloured points of 3 pixels and of half a pixel, as 0.03 and 0.006 are at 224."""
+    batch, spiral = pack([subjects[number].shape]), golden_spiral(3)
+    look = look_at([subjects[number]], Plan(image_size=48), kind="points", point_radius=radius)
+    weights = smooth_weights(3, 48, seed=1)
+    setting = TruthSetting(samples, 1, 0.05)
+    truth = true_gradient(batch, *spiral, look, {"w": weights}, setting, Ticker())["w"]
+    (mode,) = modes_of(look)
+    found, elsewhere = (
+        angle_gradient(batch, cameras_at(spiral[0] + off, spiral[1]), look, mode, weights[None])[0].numpy()
+        for off in (0, 20)
+    )
+    assert judged(found, truth)["l2"] < l2 < judged(elsewhere, truth)["l2"]
+
+
 def test_lattices_lie_around_the_plain_one_and_meet_a_vertical_edge_in_as_many_places_as_there_are():
     shifts = lattice_shifts(TruthSetting(8, 16, 0.1))
     assert shifts.shape == (16, 2) and np.abs(shifts.mean(axis=0)).max() < 1e-12
@@ -111,7 +132,8 @@ def test_gradient_rows_cover_every_mesh_shading_weight_and_mode(subjects):
     assert modes[0] == DEFAULT_MODE and f"{DEFAULT_MODE} ss2" in modes
     assert {mode.gradient for mode in all_modes()} == set(GRADIENTS) - {"none"}
     names = [(row["mesh"], row["shading"], row["weights"], row["mode"]) for row in outcome.rows]
-    assert len(set(names)) == len(names) == 3 * 2 * 3 * len(modes)
+    assert len(set(names)) == len(names) == 3 * 3 * (2 * len(modes) + 3)
+    assert {row["shading"] for row in outcome.rows} == set(DRAWN)
     assert all(np.isfinite(row[name]) for row in outcome.rows for name in gradient_bench.NUMBERS)
     assert all(row["seconds"] > 0 and -1 <= row["cosine"] <= 1 for row in outcome.rows)
     mean = next(row for row in outcome.rows if row["mesh"] == "mean")
@@ -152,7 +174,7 @@ def test_costs_are_told_for_each_setting_and_thread_count_and_for_a_packed_call(
     assert torch.get_num_threads() == threads
     single = [row for row in outcome.rows if row["what"] == "views"]
     assert [(row["shading"], row["supersample"], row["threads"]) for row in single] == [
-        *(("smooth", 1, 1), ("flat", 1, 1), ("smooth", 2, 1))
+        *(("smooth", 1, 1), ("flat", 1, 1), ("smooth", 2, 1), ("points 0.015", 1, 1))
     ]
     for row in single:
         assert row["seconds"] == pytest.approx(row["forward"] + row["backward"])
@@ -160,5 +182,5 @@ def test_costs_are_told_for_each_setting_and_thread_count_and_for_a_packed_call(
     assert outcome.summary["backbone_ratio"] == single[0]["ratio"]
     assert outcome.summary["thread_speedup"] is None
     assert [omitted["what"] for omitted in outcome.omitted] == ["2 threads"]
-    assert [row["what"] for row in outcome.rows[3:]] == ["one call", "single calls"]
+    assert [row["what"] for row in outcome.rows[4:]] == ["one call", "single calls"]
     assert outcome.rows[-1]["views"] == 2 * TINY.num_views and outcome.rows[-1]["ratio"] == 1

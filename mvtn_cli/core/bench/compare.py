@@ -19,6 +19,8 @@ KEYS = {
     "pose": ("mesh", "mode"),
     "image": ("mesh", "shading", "image_size", "supersample"),
     "stiff": ("code", "case", "drawn"),
+    "skips": ("mesh", "skip"),
+    "retrieval": ("what", "queries", "gallery", "dim"),
 }
 FIGURES = {
     "gradient": ("cosine", "l2", "seconds"),
@@ -26,6 +28,8 @@ FIGURES = {
     "pose": ("within_1deg", "median_deg", "seconds"),
     "image": ("rmse", "seconds"),
     "stiff": ("non_finite", "seconds"),
+    "skips": ("share", "seconds", "ratio"),
+    "retrieval": ("seconds", "peak_mib"),
 }
 
 

@@ -13,12 +13,12 @@ from mvtn_cli.console import Console
 from mvtn_cli.core.bench.modes import DEFAULT_MODE, Mode, angle_gradient, stages
 from mvtn_cli.core.bench.outcome import Outcome, Row
 from mvtn_cli.core.bench.plan import Plan
-from mvtn_cli.core.bench.subjects import Subject, builtin_subjects, look_at, spiral_cameras
+from mvtn_cli.core.bench.subjects import DRAWN, Subject, builtin_subjects, look_at, spiral_cameras
 from mvtn_cli.core.bench.timing import Timing, interleaved, most_threads, threads
 from mvtn_cli.core.bench.weights import resnet_step, smooth_weights
 from mvtn_cli.core.render import Look, pack, render
 
-SETTINGS = (("smooth", 1), ("flat", 1), ("smooth", 2))
+SETTINGS = (("smooth", 1), ("flat", 1), ("smooth", 2), ("points 0.015", 1))
 YARDSTICK = "resnet18"
 COLUMNS = (
     *("what", "mesh", "faces", "views", "shading", "supersample", "threads"),
@@ -28,7 +28,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Case:
-    """One mesh and one way to draw it."""
+    """One mesh, or its points, and one way to draw it."""
 
     subject: Subject
     shading: str
@@ -90,7 +90,7 @@ def _rows_of(cases: Sequence[Case], plan: Plan, count: int) -> list[Row]:
 
 def _pieces(case: Case, plan: Plan) -> dict[str, Callable[[], object]]:
     batch = pack([case.subject.shape])
-    look = look_at([case.subject], plan, shading=case.shading)
+    look = look_at([case.subject], plan, **DRAWN[case.shading])
     weights = smooth_weights(plan.num_views, plan.image_size, plan.seed)[None]
     return stages(batch, spiral_cameras(plan.num_views), look, Mode(DEFAULT_MODE, case.supersample), weights)
 
@@ -106,7 +106,7 @@ def _row(case: Case, timings: dict[str, Timing], plan: Plan, count: int) -> Row:
     return {
         "what": "views",
         "mesh": case.subject.name,
-        "faces": case.subject.faces,
+        "faces": None if case.shading.startswith("points") else case.subject.faces,
         "views": plan.num_views,
         "shading": case.shading,
         "supersample": case.supersample,

@@ -11,6 +11,8 @@ from mvtn_cli.core.bench.image import measure_image
 from mvtn_cli.core.bench.outcome import Outcome
 from mvtn_cli.core.bench.plan import Plan
 from mvtn_cli.core.bench.pose import measure_pose
+from mvtn_cli.core.bench.retrieval import measure_retrieval
+from mvtn_cli.core.bench.skips import extra_subjects, measure_skips
 from mvtn_cli.core.bench.stiff import measure_stiff
 from mvtn_cli.core.bench.subjects import Subject, builtin_subjects, icosphere
 from mvtn_cli.core.render.compiled import announce_compilation
@@ -22,7 +24,7 @@ def measure(
     """Measure one thing.
 
     Args:
-        what: "gradient", "render", "pose", "image" or "stiff".
+        what: "gradient", "render", "pose", "image", "stiff", "skips" or "retrieval".
         meshes: What the user named; the built-in ones where there are none.
         plan: Sizes.
         console: For progress.
@@ -32,6 +34,8 @@ def measure(
         ValueError: There is no such benchmark.
     """
     announce_compilation(console)
+    if what == "retrieval":
+        return measure_retrieval(console, queries=plan.queries, gallery=plan.gallery, dim=plan.dim, seed=plan.seed)
     subjects = list(meshes) or builtin_subjects(plan.default_meshes)
     match what:
         case "gradient":
@@ -47,5 +51,7 @@ def measure(
             return measure_image(subjects, plan, console)
         case "stiff":
             return measure_stiff(plan, console)
+        case "skips":
+            return measure_skips(subjects if meshes else [*subjects, *extra_subjects()], plan, console)
         case _:
             raise ValueError(f"there is no benchmark {what!r}")

@@ -22,10 +22,13 @@ class Mode:
 
     gradient: str
     supersample: int = 1
+    known_as: str = ""
 
     @property
     def name(self) -> str:
         """As rows and plots call it."""
+        if self.known_as:
+            return self.known_as
         return self.gradient if self.supersample == 1 else f"{self.gradient} ss{self.supersample}"
 
 
@@ -33,6 +36,11 @@ def all_modes() -> list[Mode]:
     """The default first, then all others that the renderer offers, then the default with 2x2 samples."""
     others = [name for name in GRADIENTS if name not in (DEFAULT_MODE, "none")]
     return [Mode(DEFAULT_MODE), *map(Mode, others), Mode(DEFAULT_MODE, 2)]
+
+
+def modes_of(look: Look) -> list[Mode]:
+    """All modes for faces; points have one gradient, the exact one of their image."""
+    return [Mode(DEFAULT_MODE, known_as="exact")] if look.kind == "points" else all_modes()
 
 
 def draw(batch: ShapeBatch, cameras: Cameras, look: Look, mode: Mode) -> Tensor:

@@ -44,6 +44,7 @@ class Plan:
         image_truths: Samples a pixel of the true image, and of the second one that tells its uncertainty.
         batch_shapes: Shapes of the packed call that is held against single calls.
         stiff_size: Pixels along each side in the stiff set, the million faces apart.
+        queries, gallery, dim: Of retrieval; those of ShapeNet Core55 after LFDA.
     """
 
     image_size: int = FULL_SIZE
@@ -58,19 +59,25 @@ class Plan:
     image_truths: tuple[int, int] = (16, 13)
     batch_shapes: int = 8
     stiff_size: int = FULL_SIZE
+    queries: int = 10_265
+    gallery: int = 35_764
+    dim: int = 128
 
 
 WORDS = {  # what people call the sizes, and which benchmarks they belong to
-    "image_size": ("pixels along each side", "gradient render pose image"),
-    "num_views": ("views", "gradient render pose image"),
-    "default_meshes": ("built-in meshes where none is named", "gradient render pose image"),
+    "image_size": ("pixels along each side", "gradient render pose image skips"),
+    "num_views": ("views", "gradient render pose image skips"),
+    "default_meshes": ("built-in meshes where none is named", "gradient render pose image skips"),
     "smooth_truth": ("truth for smooth weights", "gradient"),
     "sharp_truth": ("truth for white and cnn weights", "gradient"),
-    "repeats": ("timings of which the median counts", "gradient render image"),
+    "repeats": ("timings of which the median counts", "gradient render image skips"),
     "pose_steps": ("steps", "pose"),
     "image_truths": ("samples a pixel of the true image", "image"),
     "batch_shapes": ("shapes in the packed call", "render"),
     "stiff_size": ("pixels along each side, the million faces apart", "stiff"),
+    "queries": ("shapes that search", "retrieval"),
+    "gallery": ("shapes that are searched", "retrieval"),
+    "dim": ("numbers in a descriptor", "retrieval"),
 }
 QUICK: dict[str, dict[str, Any]] = {
     "gradient": {
@@ -84,6 +91,8 @@ QUICK: dict[str, dict[str, Any]] = {
     "pose": {"num_views": 6, "default_meshes": 2},
     "image": {"num_views": 4, "default_meshes": 2, "repeats": 3},
     "stiff": {"stiff_size": 64},
+    "skips": {"num_views": 4, "default_meshes": 1, "repeats": 3},
+    "retrieval": {"queries": 2000},
 }
 
 
@@ -95,14 +104,19 @@ def plan_for(
     num_views: int | None = None,
     look: str = "studio",
     seed: int = 0,
+    **sizes: int | None,
 ) -> Plan:
-    """The plan of a benchmark: the full one, or a quick one, with the user's changes."""
+    """The plan of a benchmark: the full one, or a quick one, with the user's changes.
+
+    `sizes` are further fields of the plan; None leaves one as it is.
+    """
     plan = replace(Plan(look=look, seed=seed), **(QUICK[what] if quick else {}))
     if image_size is not None:
         plan = replace(plan, image_size=image_size, stiff_size=image_size)
     if num_views is not None:
         plan = replace(plan, num_views=num_views)
-    return plan
+    wanted: dict[str, Any] = {name: size for name, size in sizes.items() if size is not None}
+    return replace(plan, **wanted)
 
 
 def departures(what: str, plan: Plan) -> list[str]:

@@ -63,7 +63,7 @@ def points_of(what: str, rows: Sequence[Row]) -> tuple[list[Point], dict[str, fl
         The points, the truth's own uncertainty by group, and what the error is.
     """
     if what == "gradient":
-        means = [row | {"group": f"{row['weights']} weights"} for row in rows if row["mesh"] == "mean"]
+        means = [row | {"group": _weights_words(row)} for row in rows if row["mesh"] == "mean"]
         bands = _bands(means, "group", "truth_l2")
         return [_gradient_point(row) for row in means], bands, "relative L2 of the gradient"
     if what == "image":
@@ -128,9 +128,15 @@ def _legend(axes: Axes, colors: dict[str, str], markers: dict[str, str], *, holl
     axes.legend(handles=entries, fontsize=7.5, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
 
+def _weights_words(row: Row) -> str:
+    """Points have a truth, and so a band, of their own."""
+    return f"{row['weights']} weights" + (", points" if row["shading"].startswith("points") else "")
+
+
 def _gradient_point(row: Row) -> Point:
     wrong = "" if row["l2"] < 1 else "no better than no gradient"  # NaN too
-    return Point(row["group"], row["mode"], row["seconds"], row["l2"], row["shading"] == "flat", wrong)
+    setting = row["shading"] if row["shading"].startswith("points") else row["mode"]
+    return Point(row["group"], setting, row["seconds"], row["l2"], row["shading"] == "flat", wrong)
 
 
 def _image_point(row: Row) -> Point:

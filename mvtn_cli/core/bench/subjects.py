@@ -22,6 +22,13 @@ from mvtn_cli.core.views import Cameras
 BUILTIN = ("airplane", "chair", "teapot", "bookshelf", "car", "sofa", "table", "mug")  # no spheres: their outlines rest
 DISTANCE = 2.2
 GOLDEN_DEG = 137.508
+POINT_RADII = (0.006, 0.015, 0.03)  # half a pixel at 224, and more than one and two
+# As rows name it, and what it changes in the look.
+DRAWN: dict[str, dict[str, Any]] = {
+    "smooth": {"shading": "smooth"},
+    "flat": {"shading": "flat"},
+    **{f"points {radius:g}": {"kind": "points", "point_radius": radius} for radius in POINT_RADII},
+}
 SETTINGS = Settings(max_vertices=20_000, num_points=2048, seed=0)
 
 
@@ -100,7 +107,7 @@ def look_at(subjects: Sequence[Subject], plan: Plan, **changes: Any) -> Look:
     Args:
         subjects: One or more.
         plan: For image size, material and seed.
-        changes: Other fields; one sample a pixel, smooth shading, a black background where nothing is said.
+        changes: Other fields; faces, one sample a pixel, smooth shading, a black background where nothing is said.
     """
     headlight = all(subject.number % 2 == 0 for subject in subjects)
     drawn = [light_and_color(subject.number, plan.seed) for subject in subjects]
@@ -108,8 +115,7 @@ def look_at(subjects: Sequence[Subject], plan: Plan, **changes: Any) -> Look:
     colors = [np.ones(3) if subject.number % 2 == 0 else color for subject, (_, color) in pairs]
     material = zip(("ambient", "diffuse", "specular", "shininess", "falloff"), MATERIALS[plan.look], strict=True)
     return Look(
-        **{"image_size": plan.image_size, "supersample": 1, **dict(material), **changes},
-        kind="mesh",
+        **{"image_size": plan.image_size, "kind": "mesh", "supersample": 1, **dict(material), **changes},
         colors=np.stack(colors).astype(np.float32),
         light_direction=None if headlight else np.stack([light for light, _ in drawn]).astype(np.float32),
     )

@@ -3,12 +3,15 @@
 A lattice of samples sees an edge that runs along its rows jump by a whole row at once, and furniture is made of such
 edges. So the samples of a pixel are spread over several coarser lattices, shifted against each other by parts of a
 sample: 8x8 samples on 16 lattices are 1,024 a pixel as 32x32 are, but meet a vertical edge in 128 places, not 32.
+
+Points have no edges, and their discs are integrated over each sample: their truth is the average of a larger image, in
+which discs cover and hide each other within a pixel.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numba
@@ -18,12 +21,13 @@ from torch import Tensor
 from mvtn_cli.console import Ticker
 from mvtn_cli.core.bench.plan import TruthSetting
 from mvtn_cli.core.bench.subjects import cameras_at
-from mvtn_cli.core.render import Look, ShapeBatch
+from mvtn_cli.core.render import Look, ShapeBatch, render
 from mvtn_cli.core.render.mesh import MeshScene, camera_matrices
 
 BYTES_A_SAMPLE = 34  # of the renderer's buffers, while a view is drawn
 CAREFUL_BYTES = 2_000_000_000  # where the system does not tell what is free
 GOLDEN = 0.5 * (5**0.5 - 1)
+Drawing = Callable[[np.ndarray, np.ndarray], np.ndarray]  # angles (N, 2) and shift (2,) to images (N, 3, H, W)
 
 
 def true_gradient(
@@ -38,7 +42,7 @@ def true_gradient(
     """Central differences of <weights, image> over azimuth and elevation, mean over shifted lattices.
 
     The images are the renderer's own at many samples a pixel. They still move silhouettes to where they are between two
-    samples; so far down this changes a pixel by less than the truth's uncertainty.
+    samples; so far down this changes a pixel by less than the truth's uncertainty. Lattices of points are not shifted.
 
     Args:
         batch: One shape.
@@ -52,9 +56,7 @@ def true_gradient(
     Returns:
         Name to (M, 2) float64, per degree.
     """
-    scene = MeshScene(
-        batch, replace(look, supersample=setting.supersample), cameras_at(azimuth_deg, elevation_deg).fov_deg
-    )
+    images_of = (_points_drawn if look.kind == "points" else _faces_drawn)(batch, look, setting)
     moved = [(m, axis, sign) for m in range(len(azimuth_deg)) for axis in (0, 1) for sign in (1, -1)]
     sums = {name: np.zeros((len(azimuth_deg), 2)) for name in weights}
     for shift in lattice_shifts(setting):
@@ -62,12 +64,29 @@ def true_gradient(
             angles = np.array([[azimuth_deg[m], elevation_deg[m]] for m, _, _ in part])
             for row, (_, axis, sign) in enumerate(part):
                 angles[row, axis] += sign * setting.step_deg
-            images = scene.images(shifted_matrices(angles, shift / scene.focal))[0]
+            images = images_of(angles, shift)
             for name, weight in weights.items():
                 for row, (m, axis, sign) in enumerate(part):
                     sums[name][m, axis] += sign * inner_product(images[row], weight[m].numpy())
             ticker.advance(len(part))
     return {name: total / (2 * setting.step_deg * setting.lattices) for name, total in sums.items()}
+
+
+def _faces_drawn(batch: ShapeBatch, look: Look, setting: TruthSetting) -> Drawing:
+    fov_deg = cameras_at(np.zeros(1), np.zeros(1)).fov_deg
+    scene = MeshScene(batch, replace(look, supersample=setting.supersample), fov_deg)
+    return lambda angles, shift: scene.images(shifted_matrices(angles, shift / scene.focal))[0]
+
+
+def _points_drawn(batch: ShapeBatch, look: Look, setting: TruthSetting) -> Drawing:
+    size, by = look.image_size, setting.supersample
+    large = replace(look, image_size=size * by)
+
+    def images(angles_deg: np.ndarray, _: np.ndarray) -> np.ndarray:
+        drawn = render(batch, cameras_at(*angles_deg.T), large, gradient="none").rgb[0].numpy()
+        return drawn.reshape(-1, 3, size, by, size, by).mean(axis=(3, 5), dtype=np.float64)
+
+    return images
 
 
 def lattice_shifts(setting: TruthSetting) -> np.ndarray:
