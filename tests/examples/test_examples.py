@@ -9,7 +9,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 from processes import REPOSITORY, Ended, Folder, once
 
@@ -112,6 +114,33 @@ def test_learned_cameras_prints_and_draws_where_they_stand(own_meshes: OwnMeshes
     with Image.open(own_meshes.folder.path / "learned_cameras.png") as picture:
         picture.load()
         assert picture.width > 2 * 96 and picture.height > 5 * 96  # a row for each of the five test shapes
+
+
+def test_depth_to_points_finds_the_surface_of_a_mesh_in_the_units_of_its_file(tmp_path: Path):
+    folder = Folder(tmp_path / "work")
+    ended = run_example(folder, "depth_to_points.py")
+    assert ended.code == 0, ended.err
+    (count,) = re.findall(r"^(\d+) points of 12 pictures: depth_to_points\.xyz$", ended.out, re.M)
+    points = np.loadtxt(folder.path / "depth_to_points.xyz")
+    assert points.shape == (int(count), 3) and len(points) > 500
+    # The ring that it makes: circles of radius 15 around a circle of radius 50. In 32 flat pieces it lies up to
+    # 65 (1 - cos(180°/32)) inside of that where it is widest, and 35 (1 - cos(180°/32)) outside at its hole.
+    to_middle = np.hypot(np.linalg.norm(points[:, :2], axis=1) - 50, points[:, 2])
+    assert to_middle.min() > 14.6 and to_middle.max() < 15.18
+
+
+def test_depth_to_points_takes_a_mesh_of_ones_own(tmp_path: Path):
+    folder = Folder(tmp_path / "work")
+    folder.path.mkdir(exist_ok=True)
+    box = trimesh.creation.box([1, 2, 3])
+    box.apply_translation([10, 20, 30])
+    box.export(folder.path / "a box.off")
+    ended = run_example(folder, "depth_to_points.py", "a box.off", MVTN_IMAGE_SIZE="64")
+    assert ended.code == 0, ended.err
+    rows = re.findall(r"^(?:the file|points) +from \[(.+)\] to \[(.+)\]$", ended.out, re.M)
+    file, points = (np.array([corner.split() for corner in row], dtype=float) for row in rows)
+    assert file.tolist() == [[9.5, 19, 28.5], [10.5, 21, 31.5]]
+    assert np.abs(points - file).max() < 0.1
 
 
 def test_compare_views_prints_means_and_intervals_of_three_selections(tmp_path: Path):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
 
 Bytes = NDArray[np.uint8]
 LARGE = 12_000  # bytes of one picture inside a page
@@ -29,7 +30,7 @@ def png(image: Bytes, max_size: int | None = None) -> bytes:
     picture = _picture(image)
     if max_size is not None and max(picture.size) > max_size:
         picture.thumbnail((max_size, max_size), Image.Resampling.LANCZOS)
-    return _encode(picture)
+    return encode(picture)
 
 
 def png_uri(image: Bytes, max_size: int | None = None) -> str:
@@ -37,7 +38,7 @@ def png_uri(image: Bytes, max_size: int | None = None) -> str:
     content = png(image, max_size)
     if len(content) > LARGE:  # noise or many colours: 256 of them do, in a third of the bytes
         picture = Image.open(io.BytesIO(content)).convert("RGB")
-        content = _encode(picture.quantize(256, Image.Quantize.FASTOCTREE))
+        content = encode(picture.quantize(256, Image.Quantize.FASTOCTREE))
     return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
 
 
@@ -56,7 +57,7 @@ def contact_sheet(
         images: (N, M, 3, H, W): a row a shape, a column a view.
         row_titles: N texts, written to the left; one that is too long is shortened in its middle.
         column_titles: M texts, written above.
-        captions: N rows of M texts, written under the pictures.
+        captions: N rows of M texts, written under the pictures; a row without words takes no room for them.
         title: Written over everything.
         size: Side of a cell in pixels; None keeps the pictures' own, but at least 96.
 
@@ -67,33 +68,40 @@ def contact_sheet(
         raise ValueError(f"images must have shape (N, M, 3, H, W) with N, M >= 1, got {images.shape}")
     rows, columns, _, height, width = images.shape
     cell = size or max(96, height, width)
-    text = 12 if cell <= 128 else 14
+    text = 12 if cell <= 128 else min(28, max(14, cell // 18))
     line, gap, margin = round(text * 1.5), 4, 14
     left = min(260, max((_width(title, text) for title in row_titles), default=-10) + 10)
     head = round(line * 1.4) if title else 0
     top = head + (line if column_titles else 0)
-    below = line if captions else 0
-    pitch = cell + gap, cell + gap + below
-    wide, high = 2 * margin + left + columns * pitch[0] - gap, 2 * margin + top + rows * pitch[1] - gap
+    below = [line if captions and any(captions[i]) else 0 for i in range(rows)]
+    tops = [margin + top + i * (cell + gap) + sum(below[:i]) for i in range(rows)]
+    lefts = [margin + left + j * (cell + gap) for j in range(columns)]
+    wide, high = lefts[-1] + cell + margin, tops[-1] + cell + below[-1] + margin
     sheet = Image.new("RGB", (wide, high), PAPER)
     draw = ImageDraw.Draw(sheet)
-    draw.text((margin, margin), shorten(title, wide - 2 * margin, text + 1), INK, font=_font(text + 1), anchor="lt")
-    for j, title in enumerate(column_titles[:columns]):
-        x = margin + left + j * pitch[0] + cell / 2
-        draw.text((x, margin + top - 6), shorten(title, cell, text), MUTED, font=_font(text), anchor="ms")
-    for i in range(rows):
-        y = margin + top + i * pitch[1]
+    draw.text((margin, margin), shorten(title, wide - 2 * margin, text + 1), INK, font=font(text + 1), anchor="lt")
+    for x, title in zip(lefts, column_titles, strict=False):
+        place = x + cell / 2, margin + top - 6
+        draw.text(place, shorten(title, cell, text), MUTED, font=font(text), anchor="ms")
+    for i, y in enumerate(tops):
         if i < len(row_titles):
             title = shorten(row_titles[i], left - 10, text)
-            draw.text((margin + left - 10, y + cell / 2), title, INK, font=_font(text), anchor="rm")
-        for j in range(columns):
-            x = margin + left + j * pitch[0]
+            draw.text((margin + left - 10, y + cell / 2), title, INK, font=font(text), anchor="rm")
+        for j, x in enumerate(lefts):
             sheet.paste(_fit(images[i, j], cell), (x, y))
             draw.rectangle((x, y, x + cell - 1, y + cell - 1), outline=LINE)
-            if captions:
+            if below[i]:
                 caption = shorten(captions[i][j], cell, text)
-                draw.text((x + cell / 2, y + cell + line - 6), caption, MUTED, font=_font(text), anchor="ms")
-    return _encode(sheet)
+                draw.text((x + cell / 2, y + cell + line - 6), caption, MUTED, font=font(text), anchor="ms")
+    return encode(sheet)
+
+
+def reduced(image: Bytes, size: int) -> Bytes:
+    """Scale a square picture (3, H, W) down to a side of `size`; a smaller one comes back as it is."""
+    if image.shape[-1] <= size:
+        return image
+    picture = _picture(image).convert("RGB").resize((size, size), Image.Resampling.LANCZOS)
+    return np.moveaxis(np.asarray(picture), -1, 0)
 
 
 def shorten(title: str, width: float, size: int) -> str:
@@ -124,14 +132,15 @@ def _fit(image: Bytes, cell: int) -> Image.Image:
     return picture.resize((round(picture.width * scale), round(picture.height * scale)), method)
 
 
-def _encode(picture: Image.Image) -> bytes:
+def encode(picture: Image.Image, words: PngInfo | None = None) -> bytes:
+    """Turn a picture into PNG; `words` are texts that the file carries along."""
     buffer = io.BytesIO()
-    picture.save(buffer, "PNG", optimize=True)
+    picture.save(buffer, "PNG", optimize=True, pnginfo=words)
     return buffer.getvalue()
 
 
 @cache
-def _font(size: int) -> ImageFont.FreeTypeFont:
+def font(size: int) -> ImageFont.FreeTypeFont:
     """The font that matplotlib brings along: it has the degree sign, Greek and Cyrillic, on every machine."""
     import matplotlib
 
@@ -139,4 +148,4 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 
 
 def _width(title: str, size: int) -> int:
-    return int(np.ceil(_font(size).getlength(title)))
+    return int(np.ceil(font(size).getlength(title)))
