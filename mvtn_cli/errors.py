@@ -70,4 +70,5 @@ def choose_error(what: str, name: str, choices: Iterable[str]) -> UsageError:
     guess = f"; did you mean '{close}'?" if close else ""
     shown = ", ".join(listed[:12]) + (", …" if len(listed) > 12 else "")
     code = f"unknown-{what.replace(' ', '-')}"
-    return UsageError(f"unknown {what} '{name}'{guess}", hint=f"{what} is one of: {shown}", code=code)
+    hint = f"{what} is one of: {shown}" if listed else f"there is no {what} yet"
+    return UsageError(f"unknown {what} '{name}'{guess}", hint=hint, code=code)

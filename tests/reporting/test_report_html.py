@@ -164,7 +164,7 @@ def test_the_confusion_matrix_fits_a_page_and_hides_nothing(count):
 def test_a_network_of_points_has_a_report_without_cameras(tmp_path):
     folder = make_run(tmp_path / "run", ["a", "b"], per_class=3)
     for name in ("views.csv", "mistakes.npz", "views_best.npz", "views_start.npz"):
-        (folder / name).unlink()
+        (folder / name).unlink(missing_ok=True)
     result = json.loads((folder / "result.json").read_text())
     (folder / "result.json").write_text(json.dumps({**result, "views": None, "known_view": None}))
     with (folder / "config.toml").open("a") as file:

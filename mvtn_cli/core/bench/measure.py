@@ -15,7 +15,7 @@ from mvtn_cli.core.bench.retrieval import measure_retrieval
 from mvtn_cli.core.bench.skips import extra_subjects, measure_skips
 from mvtn_cli.core.bench.stiff import measure_stiff
 from mvtn_cli.core.bench.subjects import Subject, builtin_subjects, icosphere
-from mvtn_cli.core.render.compiled import announce_compilation
+from mvtn_cli.core.render.warming import compile_renderer
 
 
 def measure(
@@ -33,7 +33,7 @@ def measure(
     Raises:
         ValueError: There is no such benchmark.
     """
-    announce_compilation(console)
+    compile_renderer(console)
     if what == "retrieval":
         return measure_retrieval(console, queries=plan.queries, gallery=plan.gallery, dim=plan.dim, seed=plan.seed)
     subjects = list(meshes) or builtin_subjects(plan.default_meshes)

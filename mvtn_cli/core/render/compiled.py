@@ -16,12 +16,10 @@ import numba
 import platformdirs
 from numba import parallel_chunksize, prange
 
-from mvtn_cli.console import Console
-
 # Divisions follow IEEE 754, without a branch that raises; kernels guard theirs where it matters.
 njit: Any = partial(numba.njit, cache=True, error_model="numpy")
 
-__all__ = ["announce_compilation", "kernel_folder", "njit", "parallel_chunksize", "prange"]
+__all__ = ["kernel_folder", "njit", "parallel_chunksize", "prange"]
 
 
 def kernel_folder() -> Path:
@@ -32,12 +30,6 @@ def kernel_folder() -> Path:
     for source in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(source.read_bytes())
     return Path(platformdirs.user_cache_dir("mvtn")) / "kernels" / digest.hexdigest()
-
-
-def announce_compilation(console: Console) -> None:
-    """Say that the renderer is being compiled, where that is going to happen."""
-    if not any(kernel_folder().rglob("*.nbi")):
-        console.note("compiling the renderer for this machine: half a minute, once")
 
 
 numba.config.CACHE_DIR = str(kernel_folder())  # type: ignore[attr-defined]

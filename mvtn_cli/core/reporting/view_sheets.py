@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mvtn_cli.core.render.compiled import announce_compilation
+from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.reporting.file_names import safe_name, write_document
 from mvtn_cli.core.reporting.shape_files import Subject, write_shape
 from mvtn_cli.core.reporting.view_cameras import Placed, view_settings
@@ -50,7 +50,7 @@ def render_views(
         MvtnError: A file can't be written.
     """
     use_threads(config.threads)
-    announce_compilation(console)
+    compile_renderer(console)
     place, settings = view_settings(config)
     if total is None:
         parts = list(parts)

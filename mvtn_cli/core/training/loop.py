@@ -15,7 +15,7 @@ from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
 from mvtn_cli.core.render import Look
-from mvtn_cli.core.render.compiled import announce_compilation
+from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.training import judge, learner, schedules, watch
 from mvtn_cli.core.training.device import choose_device, use_threads
 from mvtn_cli.core.training.find import find_or_create_run
@@ -24,6 +24,7 @@ from mvtn_cli.core.training.position import Position, restore, save
 from mvtn_cli.core.training.randomness import epoch_batches, step_generator, step_seed
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.settle import settle_batch_norm
+from mvtn_cli.core.training.shapes import drawn_kind
 from mvtn_cli.core.training.signals import StopNow, StopRequest
 from mvtn_cli.core.training.split import Indices, shown_indices, training_indices
 from mvtn_cli.errors import Interrupted, MvtnError
@@ -105,7 +106,9 @@ def _train(
     loss_of, *stepping = fabric.setup(learner.Learner(model, config.label_smoothing), *optimisers.values())
     viewpoints = dict(zip(optimisers, stepping, strict=True)).get(learner.VIEWPOINTS)
 
-    announce_compilation(console)
+    if model.uses_views:
+        kind = drawn_kind(prepared, indices.train[0], config.render)
+        compile_renderer(console, kind=kind, gradient=model.selector.learned)
     shapes = with_kept_views(prepared, config, console)
 
     # Where it stands, and what the cameras see before they learn.

@@ -15,13 +15,13 @@ from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Output, Recogniser, build_recogniser
 from mvtn_cli.core.render import Look
-from mvtn_cli.core.render.compiled import announce_compilation
+from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.training.checkpoint import read_weights
 from mvtn_cli.core.training.device import choose_device
 from mvtn_cli.core.training.fixed_views import load_batch
 from mvtn_cli.core.training.randomness import evaluation_generator
 from mvtn_cli.core.training.run import Run
-from mvtn_cli.core.training.shapes import Shapes, alike_batches
+from mvtn_cli.core.training.shapes import Shapes, alike_batches, drawn_kind
 from mvtn_cli.errors import DataError
 
 
@@ -101,7 +101,8 @@ def predict(
     pictures: list[np.ndarray] = []
     saturated = 0.0
     quiet = console or Console(quiet=True)
-    announce_compilation(quiet)
+    if model.uses_views:
+        compile_renderer(quiet, kind=drawn_kind(prepared, indices[0], config.render))
     with _evaluating(model), torch.no_grad(), quiet.progress("classifying", len(indices)) as ticker:
         for number, chunk in enumerate(alike_batches(prepared, indices, batch_size, config.render)):
             if each_batch is not None:

@@ -47,6 +47,11 @@ def load_batch(shapes: Shapes, indices: Sequence[int], render: str) -> tuple[Sha
     return batch, "mesh"
 
 
+def drawn_kind(shapes: Shapes, index: int, render: str) -> str:
+    """How a shape is drawn: "mesh" or "points"."""
+    return "points" if render == "points" or not shapes.load(index).has_mesh else "mesh"
+
+
 def alike_batches(shapes: Shapes, indices: Sequence[int], batch_size: int, render: str) -> Iterator[list[int]]:
     """Cut indices into batches, in order; with `auto`, meshes and point clouds do not share one."""
     chunk: list[int] = []

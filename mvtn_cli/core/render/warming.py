@@ -1,0 +1,71 @@
+"""The first drawing on a machine compiles the renderer: done ahead and shown, instead of a first step that hangs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from mvtn_cli.console import Console
+from mvtn_cli.core.render.batch import pack
+from mvtn_cli.core.render.compiled import kernel_folder
+from mvtn_cli.core.render.look import Look
+from mvtn_cli.core.render.mesh import MeshScene, camera_matrices
+from mvtn_cli.core.render.scene import render
+from mvtn_cli.core.store import StoredShape
+from mvtn_cli.core.views import Cameras
+
+SIZE = 8
+
+
+def compile_renderer(console: Console, *, kind: str = "mesh", gradient: bool = False) -> None:
+    """Compile what drawing needs, where that has not been done on this machine, and show how far it is.
+
+    Args:
+        console: Where that is said.
+        kind: "mesh" or "points".
+        gradient: Whether cameras will be taught.
+    """
+    if any(kernel_folder().rglob("*.nbi")):
+        return
+    jobs = _jobs(kind, gradient)
+    console.note("compiling the renderer for this machine: half a minute, once")
+    with console.progress("compiling", len(jobs)) as ticker:
+        for job in jobs:
+            job()
+            ticker.advance()
+
+
+def _jobs(kind: str, gradient: bool) -> list[Callable[[], object]]:
+    """One drawing after another, each of which needs more kernels than those before it."""
+    batch = pack([_tetrahedron()], labels=[0], names=["tetrahedron"])
+    look = Look(SIZE, kind, np.ones((1, 3), np.float32), supersample=1)
+    angle = torch.zeros((1, 1), requires_grad=True)
+    cameras = Cameras(angle, torch.zeros((1, 1)), torch.full((1, 1), 2.2))
+
+    def teach() -> None:
+        render(batch, cameras, look).rgb.sum().backward()
+
+    if kind == "points":
+        return [lambda: render(batch, cameras.detach(), look), *([teach] if gradient else [])]
+    matrices = camera_matrices(*(torch.full((1, 1), value) for value in (0.0, 0.0, 2.2))).numpy()
+    return [
+        lambda: MeshScene(batch, look, cameras.fov_deg).see(matrices),
+        lambda: MeshScene(batch, look, cameras.fov_deg).images(matrices),
+        *([teach] if gradient else []),
+    ]
+
+
+def _tetrahedron() -> StoredShape:
+    vertices = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float32) / np.float32(3**0.5)
+    return StoredShape(
+        vertices=vertices,
+        faces=np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32),
+        normals=vertices,
+        colors=None,
+        points=vertices,
+        point_colors=None,
+        center=np.zeros(3),
+        radius=1.0,
+    )

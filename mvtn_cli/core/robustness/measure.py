@@ -1,0 +1,213 @@
+"""Let runs recognise corrupted shapes, evaluation by evaluation."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mvtn_cli import __version__
+from mvtn_cli.console import Console, Ticker
+from mvtn_cli.core.evaluation.classification import metrics
+from mvtn_cli.core.render.skips import active_skips
+from mvtn_cli.core.render.view_keeper import seeing_version
+from mvtn_cli.core.render.warming import compile_renderer
+from mvtn_cli.core.robustness.cells import Cell, append_cell, read_cells
+from mvtn_cli.core.robustness.corruption import Corruption
+from mvtn_cli.core.robustness.served import CorruptedShapes
+from mvtn_cli.core.store import digest
+from mvtn_cli.core.training.predict import load_model, predict
+from mvtn_cli.core.training.run import NOT_SETTINGS, Run
+from mvtn_cli.core.training.split import stratified_subset
+from mvtn_cli.errors import DataError, UsageError
+from mvtn_cli.robustness_config import RobustnessConfig
+
+if TYPE_CHECKING:
+    from mvtn_cli.core.networks.recogniser import Recogniser
+
+FORMAT = "1"  # of what is measured; another one measures everything anew
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A run and its evaluations.
+
+    Attributes:
+        run: The run.
+        cells: One for each corruption of the plan, in its order.
+    """
+
+    run: Run
+    cells: list[Cell]
+
+
+def chosen_indices(prepared: Any, limit: int | None, seed: int) -> list[int]:
+    """The labelled test shapes, or `limit` of them, as many of each class as can be.
+
+    Raises:
+        DataError: There are none.
+    """
+    records = prepared.records
+    indices = [index for index in prepared.split("test") if records[index].label >= 0]
+    if not indices:
+        raise DataError(
+            f"no labelled shapes for split 'test' in {prepared.spec}",
+            hint="robustness is measured on test shapes; mvtn doctor DATASET counts them",
+            code="dataset.empty-split",
+        )
+    if limit is None or limit >= len(indices):
+        return indices
+    return stratified_subset(indices, [records[index].label for index in indices], limit, seed)
+
+
+def check_same_data(runs: Sequence[Run]) -> None:
+    """Refuse runs that can't stand in one table.
+
+    Raises:
+        UsageError: They were trained on different data.
+    """
+    first = runs[0]
+    for run in runs[1:]:
+        if run.info["data_address"] != first.info["data_address"]:
+            one, other = first.info["dataset"], run.info["dataset"]
+            same = ", prepared in another way or with other contents" if one == other else ""
+            raise UsageError(
+                f"{first.path} was trained on {one} and {run.path} on {other}{same}, so that they share no test shapes",
+                hint="name runs of one data set, or measure them one by one",
+                code="robustness.other-data",
+            )
+
+
+def check_classes(run: Run, prepared: Any) -> None:
+    """Refuse shapes of other classes than a run knows.
+
+    Raises:
+        UsageError: They are.
+    """
+    if tuple(prepared.classes) != run.classes:
+        raise UsageError(
+            f"run {run.name} knows {len(run.classes)} classes that are not the {len(prepared.classes)} of "
+            f"{prepared.spec}",
+            hint=f"train on it: mvtn train {prepared.spec}",
+            code="run.other-classes",
+        )
+
+
+def measure(
+    runs: Sequence[Run],
+    prepared: Any,
+    indices: Sequence[int],
+    plan: Sequence[Corruption],
+    config: RobustnessConfig,
+    console: Console,
+) -> list[Measured]:
+    """Evaluate every run under every corruption; what a run has been through before is taken as it is.
+
+    Args:
+        runs: Of one data set.
+        prepared: Its shapes.
+        indices: Which of them.
+        plan: What is done to them.
+        config: Checkpoint, device, batch size and seed.
+        console: For progress.
+
+    Raises:
+        DataError: A run has no such weights.
+    """
+    compile_renderer(console)
+    measured = []
+    for run in runs:
+        measured.append(_measure_run(run, prepared, indices, plan, config, console))
+    return measured
+
+
+def _measure_run(
+    run: Run,
+    prepared: Any,
+    indices: Sequence[int],
+    plan: Sequence[Corruption],
+    config: RobustnessConfig,
+    console: Console,
+) -> Measured:
+    model = load_model(run, config.checkpoint, config.device)
+    common = _common_key(run, prepared, indices, config)
+    keys = [digest(common, json.dumps(corruption.as_dict(), sort_keys=True)) for corruption in plan]
+    finished = read_cells(run.path)
+    missing = [(key, corruption) for key, corruption in zip(keys, plan, strict=True) if key not in finished]
+    if len(missing) < len(plan):
+        console.note(f"{run.path}: {len(plan) - len(missing)} of {len(plan)} evaluations were finished before")
+    with console.progress(f"{run.name}", len(missing) * len(indices)) as ticker:
+        for key, corruption in missing:
+            ticker.note(words_of(corruption))
+            cell = _evaluate(run, model, prepared, indices, corruption, config, ticker)
+            finished[key] = {"key": key, **cell}
+            append_cell(run.path, finished[key])
+    return Measured(run, [finished[key] for key in keys])
+
+
+def words_of(corruption: Corruption) -> str:
+    """Say a corruption, as `occlude 0.5 +x`."""
+    strength = "" if corruption.kind in ("clean", "so3") else f" {corruption.strength:g}"
+    variant = "" if corruption.kind in ("clean", "scale") else f" {corruption.variant}"
+    return f"{corruption.kind}{strength}{variant}"
+
+
+def _evaluate(
+    run: Run,
+    model: Recogniser,
+    prepared: Any,
+    indices: Sequence[int],
+    corruption: Corruption,
+    config: RobustnessConfig,
+    ticker: Ticker,
+) -> Cell:
+    begun = time.monotonic()
+    shapes = CorruptedShapes(prepared, corruption, capacity=config.batch_size + 1)
+    settings = run.config.model_copy(update={"seed": config.seed})  # of random views
+    each_batch, rest = _counting(ticker, config.batch_size, len(indices))
+    found = predict(model, shapes, indices, settings, batch_size=config.batch_size, each_batch=each_batch)
+    rest()
+    judged = metrics(found.labels, found.logits, run.classes)
+    finite = np.isfinite(found.logits).all(axis=1)
+    return {
+        **corruption.as_dict(),
+        "variant": corruption.variant,
+        **{name: judged[name] for name in ("count", "correct", "not_finite", "accuracy", "class_accuracy")},
+        "points_left": _mean(shapes.points_left),
+        "area_left": _mean(shapes.area_left),
+        "predicted": np.where(finite, found.logits.argmax(axis=1), -1).tolist(),
+        "seconds": time.monotonic() - begun,
+    }
+
+
+def _counting(ticker: Ticker, batch_size: int, total: int) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Count shapes of an evaluation: one function for the begin of each batch, and one for its end."""
+    batches = counted = 0
+
+    def each_batch() -> None:
+        nonlocal batches, counted
+        step = min(batch_size, total - counted) if batches else 0
+        batches, counted = batches + 1, counted + step
+        ticker.advance(step)
+
+    return each_batch, lambda: ticker.advance(total - counted)
+
+
+def _common_key(run: Run, prepared: Any, indices: Sequence[int], config: RobustnessConfig) -> str:
+    """Digest of all that an evaluation depends on beside the corruption."""
+    settings = run.config
+    parts = [FORMAT, __version__, seeing_version(), str(active_skips()), prepared.address]
+    parts += [",".join(map(str, indices)), settings.model_dump_json(exclude=set(NOT_SETTINGS))]
+    if settings.views == "random":
+        parts += [str(config.seed), str(config.batch_size)]
+    return digest(*parts, run.weights_path(config.checkpoint).read_bytes())
+
+
+def _mean(shares: dict[int, float]) -> float:
+    """Mean over shapes that have the thing at all; NaN for none."""
+    known = np.array([share for share in shares.values() if np.isfinite(share)])
+    return float(known.mean()) if known.size else float("nan")
