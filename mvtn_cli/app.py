@@ -35,8 +35,12 @@ class Door(NamedTuple):
 COMMANDS = {
     "preprocess": Door("preprocess", "Train", "Read, repair and store a data set's shapes."),
     "train": Door("train", "Train", "Train a multi-view classifier, with cameras that it learns to place."),
+    "sweep": Door("sweep", "Train", "Train with several settings each, into one table and plot."),
+    "presets": Door("presets", "Train", "List the paper's settings, row by row, with its figures."),
     "eval": Door("evaluate", "Use", "Measure a trained classifier and write its report."),
-    "render-views": Door("render_views", "Use", "Draw the views of shapes as contact sheets."),
+    "robustness": Door("robustness", "Use", "Measure runs on shapes that are turned, cut or noisy."),
+    "render-views": Door("render_views", "Use", "Draw what cameras see of shapes, and write the cameras down."),
+    "retrieve": Door("retrieve", "Use", "Find shapes that are alike, and measure how well that works."),
     "predict": Door("predict", "Use", "Name the class of each file."),
     "bench": Door("bench", "Look after", "Measure the renderer: error against run time."),
     "cache": Door("cache", "Look after", "Show or clear the stored shapes."),

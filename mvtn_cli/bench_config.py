@@ -10,9 +10,18 @@ from pydantic import BeforeValidator, model_validator
 from mvtn_cli.errors import UsageError
 from mvtn_cli.fields import Config, option, several
 
-What = Literal["gradient", "render", "pose", "image", "stiff", "skips", "retrieval"]
+What = Literal["gradient", "render", "pose", "image", "stiff", "skips", "retrieval", "complexity"]
 WHATS: tuple[str, ...] = get_args(What)
 Names = Annotated[tuple[str, ...], BeforeValidator(several)]
+
+
+def _split(value: Any) -> Any:
+    """Read lists within a list: an option may be repeated, and each time have several names."""
+    words = several(value)
+    return [part for word in words for part in several(word)] if isinstance(words, list | tuple) else words
+
+
+NameLists = Annotated[tuple[str, ...], BeforeValidator(_split)]
 
 
 class BenchConfig(Config):
@@ -22,7 +31,8 @@ class BenchConfig(Config):
         "gradient",
         "gradient: how right it is; render: what it costs beside ResNet-18; pose: whether it finds cameras again; "
         "image: how right pictures are; stiff: what breaks renderers; "
-        "skips: what is left out, and what that saves; retrieval: time and memory of exact measures",
+        "skips: what is left out, and what that saves; retrieval: time and memory of exact measures; "
+        "complexity: operations, weights, time and memory of whole networks",
         "Data",
         argument=True,
     )
@@ -41,6 +51,10 @@ class BenchConfig(Config):
     queries: int | None = option(None, "Shapes that search, for retrieval; auto: 10265", "Measure", ge=1)
     gallery: int | None = option(None, "Shapes that are searched, for retrieval; auto: 35764", "Measure", ge=1)
     dim: int | None = option(None, "Numbers in a descriptor, for retrieval; auto: 128", "Measure", ge=1, le=100_000)
+    networks: NameLists = option(
+        (), "Presets to measure, for complexity; auto: MVCNN and View-GCN with learned views", "Measure",
+        metavar="LIST", many=True,
+    )  # fmt: skip
     seed: int = option(0, "Of loss weights, lights, colours and starts", "Measure", ge=0, le=2**32 - 1)
     csv: Path | None = option(None, "Also write the rows as CSV", "Answer", metavar="FILE")
     plot: Path | None = option(None, "Also plot error against time, .svg or .png", "Answer", metavar="FILE")
@@ -76,6 +90,10 @@ class BenchConfig(Config):
         if sizes and self.what != "retrieval":
             raise UsageError(
                 f"--{sizes[0]} belongs to mvtn bench retrieval", hint=f"leave --{sizes[0]} out", code="bench.sizes"
+            )
+        if self.networks and self.what != "complexity":
+            raise UsageError(
+                "--networks belongs to mvtn bench complexity", hint="leave --networks out", code="bench.networks"
             )
         return self
 

@@ -7,57 +7,32 @@ fills a model from option > environment > file > default and remembers which it 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal, Self, get_args
+from typing import Any, Literal
 
 from pydantic import model_validator
 
-from mvtn_cli.bench_config import BenchConfig, Names
+from mvtn_cli.bench_config import BenchConfig
 from mvtn_cli.errors import UsageError, choose_error
-from mvtn_cli.fields import Angles, Config, Supersample, option
-
-Selection = Literal["fixed", "jittered", "random", "learned-direct", "learned-circular", "learned-spherical"]
-Layout = Literal["circular", "spherical", "dodecahedral", "icosahedral"]
-SELECTIONS: tuple[str, ...] = get_args(Selection)
-DEVICES = "auto, cpu, cuda, cuda:N or mps"
-SOLIDS = {"dodecahedral": 20, "icosahedral": 12}  # layouts whose number of views is given by their corners
-
-
-class CachedConfig(Config):
-    """For commands that touch the artifact directory."""
-
-    cache: Path | None = option(None, "Artifact directory; auto: the user's", "Machine", metavar="DIR")
-
-
-class RunsConfig(Config):
-    """For commands that touch the folder of runs."""
-
-    runs: Path = option(Path("runs"), "Folder of all runs", "Run", metavar="DIR")
-
-
-class ShapesConfig(CachedConfig):
-    """For commands that prepare shapes."""
-
-    workers: int | None = option(None, "Processes; auto: one a core", "Machine", ge=1, le=1024, short="-j")
-
-
-class MachineConfig(ShapesConfig):
-    """Where and with what a command works."""
-
-    device: str = option(
-        "auto",
-        f"Where networks run: {DEVICES}",
-        "Machine",
-        pattern=r"^(auto|cpu|cuda(:\d+)?|mps)$",
-        words=DEVICES,
-    )
-    threads: int | None = option(None, "CPU threads; auto: all cores", "Machine", ge=1, le=1024)
-
-
-class SkipConfig(Config):
-    """For commands that draw: what a scene does not need is left out, and told on request."""
-
-    no_skip: Names = option((), "Do not leave out: see docs/skips.md", "Machine", metavar="NAME", many=True)
-    explain: bool = option(False, "Say what was left out for these shapes and views, and why", "Answer")
+from mvtn_cli.fields import Config, option
+from mvtn_cli.network_config import NetworkConfig
+from mvtn_cli.presets_config import PresetConfig, PresetsConfig
+from mvtn_cli.render_views_config import RenderViewsConfig
+from mvtn_cli.retrieve_config import RetrieveConfig
+from mvtn_cli.robustness_config import RobustnessConfig
+from mvtn_cli.shared_config import (
+    SELECTIONS,
+    CachedConfig,
+    FilesConfig,
+    LayoutConfig,
+    MachineConfig,
+    PictureConfig,
+    RunsConfig,
+    Selection,
+    ShapesConfig,
+    SkipConfig,
+    learned_selection,
+)
+from mvtn_cli.sweep_config import VaryConfig
 
 
 class PreprocessConfig(ShapesConfig):
@@ -82,54 +57,7 @@ class PreprocessConfig(ShapesConfig):
     )
 
 
-class PictureConfig(Config):
-    """How a picture of a shape is taken, apart from where the camera stands."""
-
-    image_size: int = option(64, "Width and height of a view, pixels", "Pictures", ge=8, le=1024)
-    distance: float = option(2.2, "From camera to shape's centre, shape radii", "Pictures", gt=1, le=100)
-    fov: float = option(60.0, "Vertical field of view, degrees", "Pictures", ge=1, le=150)
-    look: Literal["studio", "relief", "paper"] = option(
-        "studio", "Light: studio: soft; relief: steep; paper: as published, white behind meshes", "Pictures"
-    )
-    render: Literal["auto", "mesh", "points"] = option(
-        "auto", "Draw meshes or points; auto: meshes where a shape has one", "Pictures"
-    )
-    shading: Literal["smooth", "flat"] = option("smooth", "Normals per vertex or per face", "Pictures")
-    supersample: Supersample = option(1, "Samples a pixel in each direction", "Pictures", metavar="1|2|4")
-    point_radius: float = option(0.02, "Radius of a drawn point, shape radii", "Pictures", ge=0.001, le=0.5)
-
-
-class LayoutConfig(Config):
-    """How many cameras there are, and where they stand before anything is learned."""
-
-    layout: Layout = option("spherical", "Where fixed cameras stand, and learned ones start", "Views")
-    num_views: int = option(6, "Views of each shape", "Views", ge=1, le=100)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _fill_from_layout(cls, values: Any) -> Any:
-        if not isinstance(values, dict):
-            return values
-        values, layout = dict(values), values.get("layout", "spherical")
-        if values.get("views") == "learned":
-            values["views"] = _learned(layout)
-        if layout in SOLIDS:
-            values.setdefault("num_views", SOLIDS[layout])
-        return values
-
-    @model_validator(mode="after")
-    def _check_layout(self) -> Self:
-        corners = SOLIDS.get(self.layout, self.num_views)
-        if self.num_views != corners:
-            raise UsageError(
-                f"the {self.layout} layout has {corners} views, not {self.num_views}",
-                hint=f"use --num-views {corners}, or --layout spherical for any number",
-                code="views.layout",
-            )
-        return self
-
-
-class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
+class TrainConfig(LayoutConfig, PictureConfig, NetworkConfig, RunsConfig, MachineConfig):
     """A training: what `config.toml` of a run holds."""
 
     dataset: str | None = option(
@@ -159,6 +87,13 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
         ge=0,
         le=180,
     )
+    views_from: str | None = option(
+        None, "Run whose viewpoint network is taken as it is, for --views transferred", "Views", metavar="RUN"
+    )
+    learn_distance: float = option(
+        1.0, "Let learned views also choose their distance, up to this factor; 1: no", "Views", ge=1, le=10
+    )
+    learn_light: bool = option(False, "Let the viewpoint network also choose the light", "Views")
     azimuth: float = option(0.0, "Of the first view, degrees", "Views", ge=-360, le=360)
     elevation: float = option(30.0, "Of a circle or a single view, degrees", "Views", ge=-90, le=90)
 
@@ -175,13 +110,6 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
     )
     fd_step: float = option(1.0, "Step of --gradient fd, degrees", "Pictures", ge=0.05, le=20)
     allow_no_gradient: bool = option(False, "Allow learned views with --gradient none", "Pictures")
-
-    backbone: str = option("tiny", "tiny (3 convolutions) or a torchvision classifier: resnet18", "Network")
-    weights: str = option("none", "Of the backbone: none, imagenet or a .safetensors or .pth file", "Network")
-    freeze_backbone: bool = option(False, "Train only what comes after the backbone", "Network")
-    backbone_lr_scale: float = option(1.0, "Backbone's learning rate, times --lr", "Network", ge=0, le=10)
-    pool: Literal["max", "mean"] = option("max", "How the views' features become one", "Network")
-    encoder_points: int = option(512, "Points that the point network sees", "Network", ge=8, le=100_000)
 
     epochs: int = option(30, "Passes over the training shapes", "Training", ge=1, le=100_000)
     batch_size: int = option(32, "Shapes a step", "Training", ge=1, le=4096)
@@ -213,6 +141,12 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
                 hint="use --gradient edge-flow, or add --allow-no-gradient for an ablation",
                 code="train.no-gradient",
             )
+        if (self.views == "transferred") != (self.views_from is not None):
+            raise UsageError(
+                "--views transferred and --views-from RUN belong together",
+                hint="name the run whose viewpoint network is to be taken, or choose other --views",
+                code="train.views-from",
+            )
         if self.angles == "tanh" and learned and self.views != "learned-direct":
             raise UsageError(
                 f"--angles tanh belongs to --views learned-direct, not to {self.views}",
@@ -222,7 +156,7 @@ class TrainConfig(LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
         return self
 
 
-class TrainOptions(TrainConfig, SkipConfig):
+class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
     """`mvtn train`: a training, or several that are compared."""
 
     compare: str | None = option(
@@ -244,22 +178,19 @@ class TrainOptions(TrainConfig, SkipConfig):
 
     def training(self) -> TrainConfig:
         """The settings of one training, or those that all trainings of a comparison share."""
-        return TrainConfig.model_validate(self.model_dump(exclude={"compare", "seeds", "no_skip", "explain"}))
+        return TrainConfig.model_validate(self.model_dump(exclude={"compare", "seeds", "preset", "no_skip", "explain"}))
 
     def selections(self) -> list[str]:
         """The view selections to compare, in full words; empty without `--compare`."""
         return _selections(self.compare, self.layout) if self.compare else []
 
 
-class FilesConfig(Config):
-    """For commands that take single files."""
+class SweepConfig(TrainConfig, VaryConfig, PresetConfig, SkipConfig):
+    """`mvtn sweep`: trainings that differ in a few settings."""
 
-    up: Literal["y", "z"] | None = option(
-        None, "Axis that points up in the files; auto: as in the run's data set, else y", "Data"
-    )
-    on_bad: Literal["fail", "skip"] = option(
-        "fail", "Unusable files: fail (answer all others, then exit with 1) or skip (exit with 0)", "Data"
-    )
+    def training(self) -> TrainConfig:
+        """What all trainings have in common."""
+        return TrainConfig.model_validate(self.model_dump(include=set(TrainConfig.model_fields)))
 
 
 class EvalConfig(RunsConfig, MachineConfig, SkipConfig):
@@ -269,7 +200,10 @@ class EvalConfig(RunsConfig, MachineConfig, SkipConfig):
     split: Literal["test", "val", "train"] = option("test", "Shapes to measure on", "Data")
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     baseline: bool = option(False, "Also measure a random forest on distance histograms", "Measure")
-    seed: int = option(0, "Seed of the random forest", "Measure", ge=0, le=2**32 - 1)
+    view_analysis: bool = option(
+        False, "Also measure what learned views are worth, and how much of the class they give away", "Measure"
+    )
+    seed: int = option(0, "Seed of the random forests", "Measure", ge=0, le=2**32 - 1)
     batch_size: int = option(32, "Shapes a step", "Machine", ge=1, le=4096)
     out: Path | None = option(None, "For tables and report; auto: the run", "Run", metavar="DIR", short="-o")
 
@@ -287,51 +221,6 @@ class PredictConfig(FilesConfig, RunsConfig, MachineConfig):
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     top: int = option(1, "Classes to name for each file, likeliest first", "Answer", ge=1, le=1000)
     batch_size: int = option(16, "Files a step; answers come after each", "Machine", ge=1, le=4096)
-
-
-class RenderViewsConfig(FilesConfig, LayoutConfig, PictureConfig, RunsConfig, MachineConfig):
-    """Contact sheets of the views of shapes."""
-
-    files: tuple[str, ...] = option(
-        (),
-        "Meshes, point clouds, globs, a data set or a run folder; - reads names from standard input",
-        "Data",
-        argument="many",
-    )
-    image_size: int = option(128, "Width and height of a view, pixels", "Pictures", ge=8, le=1024)
-    limit: int = option(16, "Shapes of a data set or run to draw", "Data", ge=1, le=100_000)
-    split: Literal["test", "val", "train"] = option("test", "Shapes of a data set or run to draw", "Data")
-    run: str | None = option(None, "Run whose learned cameras are used", "Run")
-    checkpoint: Literal["best", "last"] = option("best", "Weights of the run", "Run")
-    views: Selection | None = option(
-        None,
-        "How cameras are chosen; auto: as in --run, else fixed; learned: as in --run, else the latest run",
-        "Views",
-        also=("learned",),
-    )
-    azimuth: Angles | None = option(
-        None, "Azimuths of own cameras, degrees, as 0,90,180; auto: after the layout", "Views", metavar="LIST"
-    )
-    elevation: Angles | None = option(
-        None,
-        "Elevations of own cameras, or one for all, degrees; auto: after the layout",
-        "Views",
-        metavar="LIST",
-    )
-    seed: int = option(0, "Seed of random views", "Views", ge=0, le=2**32 - 1)
-    per_view: bool = option(False, "Also write each view as a picture of its own", "Answer")
-    out: Path = option(Path("views"), "Folder for the pictures", "Answer", metavar="DIR", short="-o")
-
-    @model_validator(mode="after")
-    def _check_combinations(self) -> RenderViewsConfig:
-        azimuths, elevations = len(self.azimuth or ()), len(self.elevation or ())
-        if azimuths > 1 and elevations > 1 and azimuths != elevations:
-            raise UsageError(
-                f"--azimuth names {azimuths} cameras and --elevation {elevations}",
-                hint="give as many of both, or one elevation for all",
-                code="render-views.angles",
-            )
-        return self
 
 
 class CacheConfig(CachedConfig):
@@ -356,24 +245,17 @@ class DoctorConfig(RunsConfig, ShapesConfig):
 MODELS: dict[str, type[Config]] = {
     "preprocess": PreprocessConfig,
     "train": TrainOptions,
+    "sweep": SweepConfig,
+    "presets": PresetsConfig,
     "eval": EvalConfig,
+    "robustness": RobustnessConfig,
     "render-views": RenderViewsConfig,
+    "retrieve": RetrieveConfig,
     "predict": PredictConfig,
     "bench": BenchConfig,
     "cache": CacheConfig,
     "doctor": DoctorConfig,
 }
-
-
-def _learned(layout: Any) -> str:
-    """The selection that the word `learned` means."""
-    if layout not in ("circular", "spherical"):
-        raise UsageError(
-            f"there are no learned {layout} views",
-            hint="use --layout spherical or circular, or --views learned-direct",
-            code="views.layout",
-        )
-    return f"learned-{layout}"
 
 
 def _selections(listed: str, layout: Any) -> list[str]:
@@ -382,7 +264,7 @@ def _selections(listed: str, layout: Any) -> list[str]:
     for name in names:
         if name not in (*SELECTIONS, "learned"):
             raise choose_error("views", name, (*SELECTIONS, "learned"))
-    selections = [_learned(layout or "spherical") if name == "learned" else name for name in names]
+    selections = [learned_selection(layout or "spherical") if name == "learned" else name for name in names]
     if len(set(selections)) < max(2, len(names)):
         raise UsageError(
             f"--compare needs two or more different selections, got '{listed}'",

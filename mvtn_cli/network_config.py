@@ -20,9 +20,8 @@ class NetworkConfig(Config):
 
     network: Network = option(
         "mvcnn",
-        "Of pictures: mvcnn, rotationnet, viewgcn; of points alone: pointnet, dgcnn",
+        "What says the class; pointnet and dgcnn look at points alone",
         "Network",
-        metavar="NAME",
     )
     backbone: str = option("tiny", "tiny (3 convolutions) or a torchvision classifier: resnet18", "Network")
     weights: str = option("none", "Of the backbone: none, imagenet, a .safetensors or .pth file, or a run", "Network")

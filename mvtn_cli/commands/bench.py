@@ -29,6 +29,10 @@ COLUMNS = {  # what people are shown; --json and --csv have all
         *("seconds", "seconds_off", "ratio", "identical", "pixels_differ"),
     ),
     "retrieval": ("what", "queries", "gallery", "dim", "classes", "seconds", "peak_mib", "map"),
+    "complexity": (
+        *("network", "stage", "gflops", "paper_gflops", "parameters", "paper_parameters"),
+        *("seconds", "paper_ms", "peak_mib"),
+    ),
     "stiff": ("code", "case", "drawn", "faces", "views", "non_finite", "seconds", "problem"),
 }
 
@@ -60,6 +64,7 @@ def bench(config: BenchConfig, call: Call) -> None:
         queries=config.queries,
         gallery=config.gallery,
         dim=config.dim,
+        networks=config.networks or None,
     )
     for words in departures(config.what, plan):
         call.console.note(f"reduced: {words}")
@@ -141,6 +146,7 @@ def command_words(config: BenchConfig) -> str:
     for name in ("up", "image_size", "num_views", "queries", "gallery", "dim", "threads"):
         value = getattr(config, name)
         words += [f"--{name.replace('_', '-')}", str(value)] if value is not None else []
+    words += ["--networks", ",".join(config.networks)] if config.networks else []
     words += ["--look", config.look] if config.look != "studio" else []
     return shlex.join([*words, "--seed", str(config.seed)])
 

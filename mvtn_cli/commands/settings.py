@@ -1,4 +1,4 @@
-"""Where each setting comes from: option > environment > file > default.
+"""Where each setting comes from: option > environment > file > preset > default.
 
 A file is `--config FILE`, else `./mvtn.toml`. Its top level holds for all commands, a table named after a
 command for that one. `auto` means the default of a setting that is worked out later.
@@ -37,7 +37,8 @@ def resolve(
         command: Which table of the file holds.
 
     Returns:
-        The configuration, and of each field its origin: `--epochs`, `MVTN_EPOCHS`, `mvtn.toml` or `default`.
+        The configuration, and of each field its origin: `--epochs`, `MVTN_EPOCHS`, `mvtn.toml`, `preset NAME` or
+        `default`.
 
     Raises:
         UsageError: An unknown key, or a value outside its limits; the message names the origin.
@@ -57,10 +58,16 @@ def resolve(
             values[name], origins[name] = tables[command][name], f"{file_name} [{command}]"
         elif name in tables[""]:
             values[name], origins[name] = tables[""][name], file_name
+    if values.get("preset") not in (None, "auto"):
+        from mvtn_cli.presets import settings_beside
+
+        beside = settings_beside(str(values["preset"]), values)
+        values |= beside
+        origins |= dict.fromkeys(beside, f"preset {values['preset']}")
     try:
         return model.model_validate(values), origins
     except ValidationError as error:
-        raise _usage_error(error, model, origins) from None
+        raise usage_error(error, model, origins) from None
 
 
 def option_name(field: str) -> str:
@@ -136,7 +143,7 @@ def _check_keys(table: Mapping[str, Any], command: str, file: str) -> None:
         )
 
 
-def _usage_error(error: ValidationError, model: type[Config], origins: Mapping[str, str]) -> UsageError:
+def usage_error(error: ValidationError, model: type[Config], origins: Mapping[str, str]) -> UsageError:
     """Say the first thing pydantic found in one sentence that names the option, variable or file."""
     first = error.errors()[0]
     field = str(first["loc"][0])

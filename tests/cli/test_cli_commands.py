@@ -342,10 +342,11 @@ def fake_drawing(fake_module: FakeModule, monkeypatch: pytest.MonkeyPatch) -> li
     """A core that draws nothing and remembers what it was asked."""
     asked: list[tuple[Any, Any]] = []
 
-    def render_views(prepared: Any, config: Any, console: Any) -> Iterator[dict[str, Any]]:
-        asked.append((prepared, config))
-        for record in prepared.records:
-            yield {"file": record.source, "picture": f"{config.out}/{record.name}.png"}
+    def render_views(parts: Any, config: Any, console: Any, *, total: int | None = None) -> Iterator[dict[str, Any]]:
+        for prepared in parts:
+            asked.append((prepared, config))
+            for record in prepared.records:
+                yield {"file": record.source, "picture": f"{config.out}/{record.name}.png"}
 
     fake_module("mvtn_cli.core.reporting", render_views=render_views)
     record = SimpleNamespace(source="set/a", name="a")
@@ -383,6 +384,7 @@ def test_render_views_draws_files_and_names_the_picture_of_each(
         (["builtin:shapes"], "builtin:shapes", None),
         ([], None, None),
         (["--views", "learned"], "of-the-run", "runs/r"),
+        (["--views", "transferred"], "of-the-run", "runs/r"),
         (["runs/r"], "of-the-run", "runs/r"),
         (["r"], "of-the-run", "runs/r"),
         (["set", "--run", "r"], "set", "runs/r"),

@@ -104,3 +104,10 @@ def test_a_comparison_without_test_shapes_says_so_before_it_trains(settings, box
     with pytest.raises(DataError, match="split 'test'"):
         compare(settings(), ["fixed", "random"], 2, boxes, quiet)
     assert not settings().runs.exists()
+
+
+def test_what_cannot_be_trained_is_said_before_anything_is(settings, boxes, quiet, tmp_path):
+    config = settings(network="pointnet", views="fixed")
+    with pytest.raises(UsageError, match="looks at points alone"):
+        compare(config, ["fixed", "learned"], 2, boxes, quiet)
+    assert not (tmp_path / "runs").exists()

@@ -21,6 +21,7 @@ KEYS = {
     "stiff": ("code", "case", "drawn"),
     "skips": ("mesh", "skip"),
     "retrieval": ("what", "queries", "gallery", "dim"),
+    "complexity": ("network", "stage"),
 }
 FIGURES = {
     "gradient": ("cosine", "l2", "seconds"),
@@ -30,6 +31,7 @@ FIGURES = {
     "stiff": ("non_finite", "seconds"),
     "skips": ("share", "seconds", "ratio"),
     "retrieval": ("seconds", "peak_mib"),
+    "complexity": ("gflops", "parameters", "seconds", "peak_mib"),
 }
 
 

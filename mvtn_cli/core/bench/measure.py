@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mvtn_cli.console import Console
+from mvtn_cli.core.bench.complexity import measure_complexity
 from mvtn_cli.core.bench.cost import measure_cost
 from mvtn_cli.core.bench.gradient import measure_gradient
 from mvtn_cli.core.bench.image import measure_image
@@ -24,7 +25,7 @@ def measure(
     """Measure one thing.
 
     Args:
-        what: "gradient", "render", "pose", "image", "stiff", "skips" or "retrieval".
+        what: "gradient", "render", "pose", "image", "stiff", "skips", "retrieval" or "complexity".
         meshes: What the user named; the built-in ones where there are none.
         plan: Sizes.
         console: For progress.
@@ -53,5 +54,7 @@ def measure(
             return measure_stiff(plan, console)
         case "skips":
             return measure_skips(subjects if meshes else [*subjects, *extra_subjects()], plan, console)
+        case "complexity":
+            return measure_complexity(subjects, plan, console)
         case _:
             raise ValueError(f"there is no benchmark {what!r}")

@@ -45,6 +45,7 @@ class Plan:
         batch_shapes: Shapes of the packed call that is held against single calls.
         stiff_size: Pixels along each side in the stiff set, the million faces apart.
         queries, gallery, dim: Of retrieval; those of ShapeNet Core55 after LFDA.
+        networks: Presets, of complexity.
     """
 
     image_size: int = FULL_SIZE
@@ -62,15 +63,16 @@ class Plan:
     queries: int = 10_265
     gallery: int = 35_764
     dim: int = 128
+    networks: tuple[str, ...] = ("modelnet40-mvtn-mvcnn-12", "modelnet40-mvtn-viewgcn-12")
 
 
 WORDS = {  # what people call the sizes, and which benchmarks they belong to
-    "image_size": ("pixels along each side", "gradient render pose image skips"),
-    "num_views": ("views", "gradient render pose image skips"),
+    "image_size": ("pixels along each side", "gradient render pose image skips complexity"),
+    "num_views": ("views", "gradient render pose image skips complexity"),
     "default_meshes": ("built-in meshes where none is named", "gradient render pose image skips"),
     "smooth_truth": ("truth for smooth weights", "gradient"),
     "sharp_truth": ("truth for white and cnn weights", "gradient"),
-    "repeats": ("timings of which the median counts", "gradient render image skips"),
+    "repeats": ("timings of which the median counts", "gradient render image skips complexity"),
     "pose_steps": ("steps", "pose"),
     "image_truths": ("samples a pixel of the true image", "image"),
     "batch_shapes": ("shapes in the packed call", "render"),
@@ -78,6 +80,7 @@ WORDS = {  # what people call the sizes, and which benchmarks they belong to
     "queries": ("shapes that search", "retrieval"),
     "gallery": ("shapes that are searched", "retrieval"),
     "dim": ("numbers in a descriptor", "retrieval"),
+    "networks": ("networks", "complexity"),
 }
 QUICK: dict[str, dict[str, Any]] = {
     "gradient": {
@@ -93,6 +96,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "stiff": {"stiff_size": 64},
     "skips": {"num_views": 4, "default_meshes": 1, "repeats": 3},
     "retrieval": {"queries": 2000},
+    "complexity": {"repeats": 3},
 }
 
 
@@ -104,7 +108,7 @@ def plan_for(
     num_views: int | None = None,
     look: str = "studio",
     seed: int = 0,
-    **sizes: int | None,
+    **sizes: int | tuple[str, ...] | None,
 ) -> Plan:
     """The plan of a benchmark: the full one, or a quick one, with the user's changes.
 

@@ -12,13 +12,12 @@ from scipy import stats
 
 from mvtn_cli.config import SELECTIONS, TrainConfig
 from mvtn_cli.console import Console
+from mvtn_cli.core.networks.recogniser import build_recogniser
 from mvtn_cli.core.training.checkpoint import write_json
-from mvtn_cli.core.training.find import candidates, dataset_word, readable_differences
-from mvtn_cli.core.training.fixed_views import with_kept_views
-from mvtn_cli.core.training.loop import train
-from mvtn_cli.core.training.predict import load_model, predict
+from mvtn_cli.core.training.find import dataset_word
+from mvtn_cli.core.training.group import check_can_be_tested, free_group, predict_test, train_one
 from mvtn_cli.core.training.run import Run
-from mvtn_cli.errors import DataError, Interrupted, UsageError, choose_error
+from mvtn_cli.errors import UsageError, choose_error
 
 CONFIDENCE = 0.95
 
@@ -57,14 +56,18 @@ def compare(
     names = [full_selection(name, config.layout) for name in selections]
     numbers = range(config.seed, config.seed + seeds)
     plan = {(name, seed): _settings_of_one(config, name, seed) for seed in numbers for name in names}
-    group = config.name or _free_group(config, plan, prepared)
-    if evaluate is None and not prepared.split("test"):
-        raise DataError(f"no shapes for split 'test' in {prepared.spec}", code="dataset.empty-split")
-    judge = evaluate or (lambda run: _test_accuracy(run, prepared, config.device, console))
+    for name in names:  # what can't be trained is said before hours have gone into the others
+        build_recogniser(plan[name, config.seed], len(prepared.classes), read_weights=False)
+    named = {_run_word(*key): one for key, one in plan.items()}
+    word = f"compare-{dataset_word(prepared.spec)}-{config.num_views}v"
+    group = config.name or free_group(config.runs, word, named, prepared)
+    if evaluate is None:
+        check_can_be_tested(prepared)
+    judge = evaluate or (lambda run: predict_test(run, prepared, config.device, console).accuracy)
     results: dict[str, list[float]] = {name: [] for name in names}
     runs: dict[str, list[str]] = {name: [] for name in names}
     for (name, seed), one in plan.items():  # by seed first, so that an early stop leaves whole pairs
-        run = _train_one(one, f"{group}/{_run_word(name, seed)}", prepared, console)
+        run = train_one(one, f"{group}/{_run_word(name, seed)}", prepared, console)
         results[name].append(judge(run))
         runs[name].append(str(run.path))
         console.note(f"{name}, seed {seed}: test accuracy {results[name][-1]:.1%}")
@@ -146,28 +149,3 @@ def _settings_of_one(config: TrainConfig, name: str, seed: int) -> TrainConfig:
 
 def _run_word(name: str, seed: int) -> str:
     return f"{name}-s{seed}"
-
-
-def _free_group(config: TrainConfig, plan: dict[tuple[str, int], TrainConfig], prepared: Any) -> str:
-    """A folder for runs that were given no name: the first one that holds no run of other settings."""
-    for path in candidates(config.runs, f"compare-{dataset_word(prepared.spec)}-{config.num_views}v"):
-        begun = [(Run(path / _run_word(*key)), one) for key, one in plan.items()]
-        if not any(run.exists and readable_differences(run, one, prepared) for run, one in begun):
-            return path.name
-    raise AssertionError("the candidates never end")
-
-
-def _train_one(config: TrainConfig, name: str, prepared: Any, console: Console) -> Run:
-    try:
-        return train(config, prepared, console, name=name, reuse_finished=True)
-    except Interrupted as error:
-        error.hint = "go on with the same command: finished runs are not repeated"
-        raise
-
-
-def _test_accuracy(run: Run, prepared: Any, device: str, console: Console) -> float:
-    """Share of the test split that the best weights classify right."""
-    model = load_model(run, "best", device)
-    settings = run.config
-    shapes = with_kept_views(prepared, settings, console)
-    return predict(model, shapes, prepared.split("test"), settings, batch_size=settings.batch_size).accuracy

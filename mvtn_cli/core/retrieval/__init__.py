@@ -1,0 +1,1 @@
+"""Finding shapes by shapes: descriptors, distances, rankings and how good they are."""
