@@ -26,7 +26,7 @@ ConfigT = TypeVar("ConfigT", bound=Config)
 Run = Callable[[Any, "Call"], ExitCode | None]
 
 WIDEST_CHOICES = 20  # characters; longer lists of choices go into the help text
-DRY_RUN = ("preprocess", "train")  # commands that can print their plan
+DRY_RUN = ("preprocess", "train", "sweep")  # commands that can print their plan
 
 
 @dataclass(frozen=True)
