@@ -27,11 +27,11 @@ def draw_points(
     rt: np.ndarray,
     focal: float,
     size: int,
-    radius: float,
+    radius: float | np.ndarray,
     background: tuple[float, float, float] = (0.0, 0.0, 0.0),
     cue: float = 0.0,
 ) -> np.ndarray:
-    """Return the (3, H, W) image of P points with P colours; equally near points in their own order.
+    """Return the (3, H, W) image of P points with P colours, one radius or P; equally near ones in their own order.
 
     A point keeps all of its light up to one radius of the shape before its centre, 1 - cue from one radius behind.
     """
@@ -40,8 +40,8 @@ def draw_points(
     seen = np.flatnonzero(ahead > NEAR)
     seen = seen[np.argsort(ahead[seen], kind="stable")]
     scale = focal / ahead[seen]
-    across = shares(size / 2 + right[seen] * scale, radius * scale * SIGMA, size)
-    down = shares(size / 2 - up[seen] * scale, radius * scale * SIGMA, size)
+    sigma = np.broadcast_to(radius, len(points))[seen] * scale * SIGMA
+    across, down = (shares(size / 2 + at[seen] * scale, sigma, size) for at in (right, -up))
     shade = 1 - cue * np.clip((ahead[seen] + rt[2, 3] + 1) / 2, 0, 1)
     image, left = np.zeros((size, size, 3)), np.ones((size, size))
     for row, column, color in zip(down, across, colors[seen] * shade[:, None], strict=True):

@@ -118,6 +118,15 @@ def test_sentences_say_what_how_much_and_why_not():
         use_skips([])
 
 
+def test_what_has_no_switch_is_said_where_it_was_counted():
+    counts = Tally()
+    assert not any(sentence.startswith(("point-encoder", "eval-cache")) for sentence in explain(counts))
+    counts.count("eval-cache", 128, 160)
+    assert explain(counts)[-1].startswith("eval-cache: 128 of 160 left out (80 %): shapes described before")
+    with pytest.raises(UsageError, match="eval-cache"):
+        without(["eval-cache"])
+
+
 def test_an_unknown_skip_is_refused_with_the_nearest_name():
     with pytest.raises(UsageError, match="did you mean 'backface'"):
         without(["backfce"])

@@ -189,6 +189,49 @@ def test_a_hundred_thousand_points_have_the_gradient_of_the_twin(crowd):
     np.testing.assert_allclose(got[:1], twin_gradient(points, VIEW, 8, 0.02, weights[0], axes=[0]), rtol=1e-3)
 
 
+@pytest.mark.parametrize("cue", [0.0, 0.5])
+@pytest.mark.parametrize("colored", [False, True], ids=["white", "coloured"])
+def test_each_point_may_have_a_radius_of_its_own(colored, cue):
+    """From far below a pixel to half of the image, in no order of depth."""
+    points, random = ball(120), np.random.default_rng(3)
+    radii = np.exp(random.uniform(np.log(2e-3), np.log(0.5), len(points)))
+    colors = random.uniform(0, 1, points.shape).astype(np.float32) if colored else None
+    weights = random.standard_normal((1, 3, 16, 16)).astype(np.float32)
+    cloud, drawn_as = scenes.cloud(points, colors), look(16, radii[None], depth_cue=cue)
+    expected = twin(points, VIEW, 16, radii, colors=colors, cue=cue)
+    np.testing.assert_allclose(image(cloud, cameras(VIEW), drawn_as)[0], expected, atol=1e-5)
+    assert np.abs(expected - twin(points, VIEW, 16, radii[::-1], colors=colors, cue=cue)).max() > 0.1
+    got = gradients(cloud, cameras(VIEW), drawn_as, weights)[0]
+    np.testing.assert_allclose(got, twin_gradient(points, VIEW, 16, radii, weights[0], colors, cue=cue), rtol=1e-3)
+
+
+def test_radii_are_for_all_for_each_shape_or_for_each_point():
+    clouds, views = [scenes.cloud(ball(60, seed)) for seed in range(2)], cameras(VIEW, (0, 0, 1.5))
+    alone = [image(cloud, views, look(16, radius)) for cloud, radius in zip(clouds, (0.05, 0.2), strict=True)]
+    for radii in (np.array([0.05, 0.2]), np.repeat([[0.05], [0.2]], 60, axis=1)):
+        both = render(
+            scenes.batch_of(*clouds), cameras(VIEW, (0, 0, 1.5), count=2), look(16, radii, count=2), gradient="none"
+        ).rgb.numpy()
+        np.testing.assert_array_equal(both, np.stack(alone))
+
+
+def test_a_point_of_no_radius_is_not_there():
+    points, radii = ball(60), np.full((1, 60), 0.1)
+    radii[0, ::3] = 0
+    rest, weights = scenes.cloud(points[radii[0] > 0]), np.random.default_rng(0).standard_normal((1, 3, 12, 12))
+    found = [f(scenes.cloud(points), cameras(VIEW), look(12, radii), *more) for f, more in (
+        (image, ()), (gradients, (weights,)),
+    )]  # fmt: skip
+    np.testing.assert_array_equal(found[0], image(rest, cameras(VIEW), look(12, 0.1)))
+    np.testing.assert_array_equal(found[1], gradients(rest, cameras(VIEW), look(12, 0.1), weights))
+
+
+@pytest.mark.parametrize("radii", [np.ones(3), np.ones((1, 4)), [-0.1], [np.nan], np.inf], ids=str)
+def test_radii_that_fit_no_batch_or_no_disc_are_refused(radii):
+    with pytest.raises(ValueError, match="point radii"):
+        image(scenes.cloud(ball(5)), cameras(VIEW), look(8, radii))
+
+
 def test_colours_of_points_and_of_shapes_multiply():
     points = ball(60)
     green = np.tile(np.float32([0.2, 1, 0]), (60, 1))

@@ -22,6 +22,7 @@ from mvtn_cli.core.networks.selection import make_selector
 from mvtn_cli.core.networks.settings import ClassifierSettings, SelectorSettings
 from mvtn_cli.core.networks.viewpoint import Placement, ViewSelector
 from mvtn_cli.core.render import Look, ShapeBatch, render
+from mvtn_cli.core.render.tally import tally
 from mvtn_cli.core.views import Cameras, camera_positions
 
 
@@ -127,6 +128,7 @@ class Recogniser(nn.Module):
     ) -> Placement:
         """Cameras and learned lights; in the stage "views" they are not taught."""
         points, wanted = batch.points, self.selector.encoder_points
+        tally().count("point-encoder", len(batch) * (wanted == 0), len(batch))
         if wanted != 0:
             drawn = self.training and self.selector.learned
             points = points[:, self._subset(points.shape[1], wanted, generator, drawn=drawn)]

@@ -17,18 +17,26 @@ WORDS = {
     "no-gradient": ("views without incoming gradient", "all have one, or nothing asked for a gradient"),
     "fixed-views": ("views painted from what was seen before", "all are new, move, or are of points"),
 }
+# What never happens where it is not needed, so that no switch could bring it back: said where it was counted.
+STRUCTURAL = {
+    "point-encoder": "shapes whose points no network had to see, as their views do not depend on them",
+    "eval-cache": "shapes described before with these weights and settings",
+}
 
 
 def explain(tally: Tally) -> list[str]:
     """One sentence for each skip, of what has been counted so far."""
-    return [_sentence(name, tally) for name in WORDS]
+    structural = [_counted(name, words, tally) for name, words in STRUCTURAL.items() if tally.left_out[name]]
+    return [_sentence(name, tally) for name in WORDS] + structural
+
+
+def _counted(name: str, words: str, tally: Tally) -> str:
+    left_out, of = tally.left_out[name], tally.of[name]
+    return f"{name}: {left_out:,} of {of:,} left out ({100 * left_out / of:.0f} %): {words}"
 
 
 def _sentence(name: str, tally: Tally) -> str:
     words, none = WORDS[name]
-    left_out, of = tally.left_out[name], tally.of[name]
     if not active_skips() & BITS[name]:
         return f"{name}: off (--no-skip)"
-    if left_out == 0:
-        return f"{name}: nothing left out: {none}"
-    return f"{name}: {left_out:,} of {of:,} left out ({100 * left_out / of:.0f} %): {words}"
+    return _counted(name, words, tally) if tally.left_out[name] else f"{name}: nothing left out: {none}"

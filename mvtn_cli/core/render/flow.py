@@ -42,16 +42,16 @@ def add_point(moments, gx, gy, gz, x, y, z):
 
 @njit
 def add_samples(
-    depth, normal_image, tint, image, links, box, weights, supersample, focal, rt, follows, lx, ly, lz, albedo,
-    material, moments, by_eye, by_light,
+    depth, normal_image, tint, image, links, first_row, last_row, box, weights, supersample, focal, rt, follows, lx, ly,
+    lz, albedo, material, moments, by_eye, by_light,
 ):  # fmt: skip
-    """Add the image flow of every covered sample, and its shading's dependence on a light that follows the camera.
+    """Add the image flow of some rows' covered samples, and how their shading depends on a light that follows the eye.
 
     A colour step to a neighbour counts half here and half there, each with its own sample's weight.
     """
     height, width = depth.shape
     shiny = material[SPECULAR] > 0.0
-    for j in range(box[0], box[1] + 1):
+    for j in range(max(first_row, box[0]), min(last_row, box[1]) + 1):
         row = j // supersample
         for i in range(box[2], box[3] + 1):
             w = depth[j, i]

@@ -56,7 +56,8 @@ class Look:
         ambient, diffuse, specular, shininess, falloff: Of the one light, see `shade.py`; points have none.
         shading: "smooth" (interpolated normals) or "flat".
         supersample: Samples per pixel along each axis.
-        point_radius: World radius of a point's disc, in shape radii.
+        point_radius: World radius of a point's disc, in shape radii: one for all, (B,) for each shape or (B, P) for
+            each point; a point of radius 0 is not seen.
         depth_cue: Share of its light that a drawn point loses from one shape radius before the centre to one behind.
     """
 
@@ -72,13 +73,26 @@ class Look:
     falloff: float = 2.0
     shading: str = "smooth"
     supersample: int = 2
-    point_radius: float = 0.02
+    point_radius: float | np.ndarray = 0.02
     depth_cue: float = 0.0
 
     @property
     def material(self) -> np.ndarray:
         """The row (ambient, diffuse, specular, shininess, falloff) that the kernels take."""
         return np.array([self.ambient, self.diffuse, self.specular, self.shininess, self.falloff])
+
+    def point_radii(self, count: int, points: int) -> np.ndarray:
+        """Return (B, P) float64: the radius of each of P points of B shapes.
+
+        Raises:
+            ValueError: Radii for other shapes or points, negative or not finite.
+        """
+        given = np.asarray(self.point_radius, np.float64)
+        if given.shape not in ((), (count,), (count, points)):
+            raise ValueError(f"point radii are {given.shape}, the batch has {count} shapes of {points} points")
+        if not (np.isfinite(given) & (given >= 0)).all():
+            raise ValueError("point radii must be finite and at least 0")
+        return np.ascontiguousarray(np.broadcast_to(given[:, None] if given.ndim == 1 else given, (count, points)))
 
     @classmethod
     def evaluation(cls, settings: LookSettings, count: int, kind: str) -> Look:

@@ -14,15 +14,16 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from mvtn_cli.core.render.bands import BLOCK, band_rows, bands_for, join_bands
 from mvtn_cli.core.render.batch import ShapeBatch
 from mvtn_cli.core.render.compiled import njit, parallel_chunksize, prange
 from mvtn_cli.core.render.gbuffer import GBuffers, empty_buffers, with_room
 from mvtn_cli.core.render.kept_views import KeptViews, paint_kept_views, put_together
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.raster import NEAR
-from mvtn_cli.core.render.skips import EVERYTHING, NO_GRADIENT, SAME_VIEW
+from mvtn_cli.core.render.skips import COUNTERS, EVERYTHING, NO_GRADIENT, SAME_VIEW
 from mvtn_cli.core.render.tally import tally
-from mvtn_cli.core.render.view import differentiate_view, paint_view, see_view
+from mvtn_cli.core.render.view import add_up, paint_view, see_rows, sum_part
 from mvtn_cli.core.views import camera_rotations
 
 # Samples whose buffers are held at once where no gradient is asked for.
@@ -32,20 +33,26 @@ SAMPLES_AT_ONCE = 4_000_000
 @njit(parallel=True)
 def see_views(
     vertices, normals, colors, faces, face_edges, edge_starts, edge_faces, creases, solid, radii, offsets, rts,
-    shape_of, focal, smooth, skips, ids, depth, normal_images, tints, links, boxes, records, where, jumps, counts,
+    shape_of, focal, smooth, skips, ids, depth, normal_images, tints, links, records, where, boxes, jumps, counts,
 ):  # fmt: skip
-    """Fill the G-buffer of view n of shape `shape_of[n]`, for all n in parallel.
+    """Fill the G-buffer of view n of shape `shape_of[n]`, for all n, and all of their bands, in parallel.
 
-    `offsets` (4, B+1): where each shape's vertices, faces, edges and edge faces begin.
+    `offsets` (4, B+1): where each shape's vertices, faces, edges and edge faces begin. `boxes` (N,K,4), `jumps` (N,K)
+    and `counts` (N,K,COUNTERS) are those of each view's K bands; each band has one K-th of `records` and `where`.
     """
-    for n in prange(rts.shape[0]):
+    bands = jumps.shape[1]
+    room = records.shape[1] // bands
+    for task in prange(jumps.size):
+        n, k = task // bands, task % bands
         b = shape_of[n]
         v0, v1, f0, f1 = offsets[0, b], offsets[0, b + 1], offsets[1, b], offsets[1, b + 1]
-        jumps[n] = see_view(
+        first_row, last_row = band_rows(k, bands, ids.shape[1])
+        jumps[n, k] = see_rows(
             vertices[v0:v1], normals[v0:v1], colors[v0:v1], faces[f0:f1], face_edges[f0:f1],
             edge_starts[offsets[2, b] : offsets[2, b + 1]], edge_faces[offsets[3, b] : offsets[3, b + 1]],
             creases[f0:f1], solid[f0:f1] if outside(rts[n], radii[b]) else solid[:0], rts[n], focal, smooth, skips,
-            ids[n], depth[n], normal_images[n], tints[n], links[n], boxes[n], records[n], where[n], counts[n],
+            first_row, last_row, ids[n], depth[n], normal_images[n], tints[n], links[n], boxes[n, k],
+            records[n, k * room : (k + 1) * room], where[n, k * room : (k + 1) * room], counts[n, k],
         )  # fmt: skip
 
 
@@ -75,13 +82,21 @@ def differentiate_views(
     records, where, jumps, images, weights, out,
 ):  # fmt: skip
     """Reduce `weights` (N,3,H,W) to `out` (N,3,4); number n was drawn as view `view_of[n]`."""
-    for n in prange(weights.shape[0]):
+    side = depth.shape[1]
+    blocks = -(-side // BLOCK)
+    # One sum for each block of rows, and after the last row one for the edges.
+    sums = np.empty((weights.shape[0], blocks + 1, 5, 4))
+    for task in prange(weights.shape[0] * (blocks + 1)):
+        n, block = task // (blocks + 1), task % (blocks + 1)
         k = view_of[n]
         b = shape_of[k]
-        differentiate_view(
-            rts[k], focal, supersample, lights[b], albedos[b], material, depth[k], normal_images[k], tints[k], links[k],
-            boxes[k], records[k], where[k], jumps[k], images[k], weights[n], out[n],
+        sum_part(
+            rts[k], focal, supersample, lights[b], albedos[b], material, block * BLOCK,
+            min(side, (block + 1) * BLOCK) - 1, depth[k], normal_images[k], tints[k], links[k], boxes[k], records[k],
+            where[k], jumps[k], images[k], weights[n], sums[n, block],
         )  # fmt: skip
+    for n in range(weights.shape[0]):
+        add_up(rts[view_of[n]], supersample, lights[shape_of[view_of[n]]], sums[n], out[n])
 
 
 def focal_pixels(image_size: int, fov_deg: float) -> float:
@@ -115,16 +130,20 @@ class MeshScene:
             if len(first) < len(flat):
                 flat, shape_of, view_of = flat[first], shape_of[first], sames.reshape(-1)
         buffers = empty_buffers(flat, shape_of, view_of, self.side, tinted=len(self.batch.colors) > 0)
+        bands = bands_for(len(flat), self.side)
+        boxes, jumps = np.empty((len(flat), bands, 4), np.int64), np.empty((len(flat), bands), np.int64)
+        counts = np.empty((len(flat), bands, COUNTERS), np.int64)
         while True:
             with parallel_chunksize(1):
                 see_views(
                     *self.mesh, flat, shape_of, self.fine_focal, self.smooth, self.skips, buffers.ids, *buffers.seen,
-                    buffers.links, buffers.boxes, *buffers.edges, buffers.counts,
+                    buffers.links, buffers.records, buffers.where, boxes, jumps, counts,
                 )  # fmt: skip
-            most = int(buffers.jumps.max(initial=0))
-            if most <= buffers.records.shape[1]:
+            most = int(jumps.max(initial=0))
+            if most <= buffers.records.shape[1] // bands:
                 break
-            buffers = with_room(buffers, most)
+            buffers = with_room(buffers, most * bands)
+        join_bands(buffers, boxes, jumps, counts)
         tally().add_views(buffers.counts, len(view_of))
         return buffers
 

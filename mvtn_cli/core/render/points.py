@@ -1,8 +1,8 @@
 """Images of point clouds: discs blended by alpha, front to back, with the exact gradient to the cameras.
 
-A point of world radius r at depth z has the image radius rho = r f / z. Its footprint is the separable kernel
-k(u) k(v), k(u) = (1 - u^2)^2 on |u| <= 1, of half width sigma = rho sqrt(7/8), integrated over each pixel, so that a
-point far smaller than a pixel still has the right weight and nothing flickers when it moves:
+A point of world radius r (one for all, or each its own) at depth z has the image radius rho = r f / z. Its footprint is
+the separable kernel k(u) k(v), k(u) = (1 - u^2)^2 on |u| <= 1, of half width sigma = rho sqrt(7/8), integrated over
+each pixel, so that a point far smaller than a pixel still has the right weight and nothing flickers when it moves:
 
     alpha(pixel) = A I(x) I(y),   I(x) = sigma (F((k + 1 - x) / sigma) - F((k - x) / sigma)),   F' = k
 
@@ -95,7 +95,7 @@ def shade_of(ahead, distance, cue):
 
 
 @njit
-def draw_points(points, colors, rt, focal, radius, cue, background, image):
+def draw_points(points, colors, radii, rt, focal, cue, background, image):
     """Fill `image` (3,H,W)."""
     height, width = image.shape[1], image.shape[2]
     camera = np.empty(points.shape)
@@ -105,7 +105,7 @@ def draw_points(points, colors, rt, focal, radius, cue, background, image):
     shares_x, shares_y = np.empty((width, 3)), np.empty((height, 3))
     image[:] = 0.0
     for i in order:
-        visible, x, y, sigma = on_screen(camera[i, 0], camera[i, 1], camera[i, 2], focal, radius, height, width)
+        visible, x, y, sigma = on_screen(camera[i, 0], camera[i, 1], camera[i, 2], focal, radii[i], height, width)
         if not visible:
             continue
         shade, _ = shade_of(camera[i, 2], -rt[2, 3], cue)
@@ -154,7 +154,7 @@ def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, 
 
 
 @njit
-def differentiate_points(points, colors, rt, focal, radius, cue, image, weights, out):
+def differentiate_points(points, colors, radii, rt, focal, cue, image, weights, out):
     """Fill `out` (3,4) with d<weights, image>/d[R|t]; `image` is what `draw_points` made."""
     height, width = image.shape[1], image.shape[2]
     camera = np.empty(points.shape)
@@ -169,7 +169,7 @@ def differentiate_points(points, colors, rt, focal, radius, cue, image, weights,
     out[:] = 0.0
     for i in order:
         right, up, ahead = camera[i, 0], camera[i, 1], camera[i, 2]
-        visible, x, y, sigma = on_screen(right, up, ahead, focal, radius, height, width)
+        visible, x, y, sigma = on_screen(right, up, ahead, focal, radii[i], height, width)
         if not visible:
             continue
         column, columns = fill_shares(x, sigma, width, shares_x)
@@ -192,26 +192,27 @@ def differentiate_points(points, colors, rt, focal, radius, cue, image, weights,
 
 
 @njit(parallel=True)
-def draw_all(points, colors, rts, shape_of, focal, radius, cue, background, images):
+def draw_all(points, colors, radii, rts, shape_of, focal, cue, background, images):
     """Draw view n of cloud `shape_of[n]`, for all n in parallel."""
     for n in prange(rts.shape[0]):
-        draw_points(points[shape_of[n]], colors[shape_of[n]], rts[n], focal, radius, cue, background, images[n])
+        b = shape_of[n]
+        draw_points(points[b], colors[b], radii[b], rts[n], focal, cue, background, images[n])
 
 
 @njit(parallel=True)
-def differentiate_all(points, colors, rts, shape_of, focal, radius, cue, images, weights, out):
+def differentiate_all(points, colors, radii, rts, shape_of, focal, cue, images, weights, out):
     """Gradient of every view, in parallel."""
     for n in prange(rts.shape[0]):
         b = shape_of[n]
-        differentiate_points(points[b], colors[b], rts[n], focal, radius, cue, images[n], weights[n], out[n])
+        differentiate_points(points[b], colors[b], radii[b], rts[n], focal, cue, images[n], weights[n], out[n])
 
 
 class RenderPoints(torch.autograd.Function):
-    """Images (B,M,3,H,W) of points (B,P,3) with colours (B,P,3), from [R|t] (B,M,3,4) float64."""
+    """Images (B,M,3,H,W) of points (B,P,3) with colours (B,P,3) and radii (B,P), from [R|t] (B,M,3,4) float64."""
 
     @staticmethod
     def forward(
-        ctx, rt, points: np.ndarray, colors: np.ndarray, focal: float, radius: float, cue: float, background, size
+        ctx, rt, points: np.ndarray, colors: np.ndarray, radii: np.ndarray, focal: float, cue: float, background, size
     ):
         """Draw every (cloud, camera) pair."""
         b, m = rt.shape[:2]
@@ -219,17 +220,17 @@ class RenderPoints(torch.autograd.Function):
         images = np.empty((b * m, 3, size, size))  # float64: backward divides what is left of it
         shape_of = np.repeat(np.arange(b), m)
         with parallel_chunksize(1):
-            draw_all(points, colors, flat, shape_of, focal, radius, cue, np.array(background), images)
-        ctx.scene = (points, colors, flat, shape_of, focal, radius, cue, images)
+            draw_all(points, colors, radii, flat, shape_of, focal, cue, np.array(background), images)
+        ctx.scene = (points, colors, radii, flat, shape_of, focal, cue, images)
         return torch.from_numpy(images.astype(np.float32).reshape(b, m, 3, size, size))
 
     @staticmethod
     def backward(ctx, grad):
         """Reduce straight to the twelve numbers of each view's [R|t]."""
-        points, colors, flat, shape_of, focal, radius, cue, images = ctx.scene
+        *scene, images = ctx.scene
         weights = np.ascontiguousarray(grad.detach().float().cpu().numpy().reshape(images.shape))
-        out = np.empty_like(flat)
+        out = np.empty((len(images), 3, 4))
         with parallel_chunksize(1):
-            differentiate_all(points, colors, flat, shape_of, focal, radius, cue, images, weights, out)
+            differentiate_all(*scene, images, weights, out)
         gradient = torch.from_numpy(out.reshape(*grad.shape[:2], 3, 4))
         return gradient, None, None, None, None, None, None, None

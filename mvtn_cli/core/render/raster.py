@@ -248,7 +248,8 @@ def rasterise(faces, solid, camera, screen, focal, first_row, last_row, skips, i
         first_row, last_row: Which rows.
         skips: Bits of `skips.py`: what may be left out.
         ids, inverse_depth: (H, W), these rows are filled; -1 and 0 where nothing is seen.
-        counts: (COUNTERS,) int64, added to.
+        counts: (COUNTERS,) int64, added to. Of a view drawn in bands, each of which ends with the first row of the
+            next, a face counts in the first that it reaches; in the top one if it reaches no row.
     """
     height, width = ids.shape
     polygon = np.empty((4, 2), np.int64)
@@ -259,41 +260,44 @@ def rasterise(faces, solid, camera, screen, focal, first_row, last_row, skips, i
     # Tiles pay where many faces lie behind each other; `due` is when they are next made.
     due = REFRESH if skips & OCCLUDED != 0 and number > 2 * REFRESH else number
     tiles = np.zeros((height // TILE + 1, width // TILE + 1)) if due < number else np.zeros((1, 1))
-    tiled = False
+    tiled, top_rows = False, first_row == 0
     for face in range(number):
         a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
         x0, x1, x2 = np.int64(screen[a, 0]), np.int64(screen[b, 0]), np.int64(screen[c, 0])
         y0, y1, y2 = np.int64(screen[a, 1]), np.int64(screen[b, 1]), np.int64(screen[c, 1])
         reaches = min(x0, x1, x2) == BEHIND
         clipping = reaches or skips & NEAR_CLIP == 0
-        counts[CLIPPED] += clipping
+        counts[CLIPPED] += clipping and top_rows
         if max(x0, x1, x2) == BEHIND and skips & FRUSTUM != 0:
-            counts[OUTSIDE] += 1
+            counts[OUTSIDE] += top_rows
             continue
         if reaches:
-            counts[DRAWN] += 1
+            counts[DRAWN] += top_rows
             draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon)
             continue
         left, right, top, bottom = box_of(x0, y0, x1, y1, x2, y2, height, width)
-        top, bottom = max(top, first_row), min(bottom, last_row)
         empty = left > right or top > bottom
+        counted = top_rows or (not empty and top > first_row)
+        top, bottom = max(top, first_row), min(bottom, last_row)
+        if not empty and top > bottom:
+            continue
         if empty:
             outside = max(x0, x1, x2) < HALF or min(x0, x1, x2) > width * SUBPIXEL - HALF
             outside = outside or max(y0, y1, y2) < HALF or min(y0, y1, y2) > height * SUBPIXEL - HALF
             if skips & (FRUSTUM if outside else NO_SAMPLE) != 0:
-                counts[OUTSIDE if outside else COVERS_NOTHING] += 1
+                counts[OUTSIDE if outside else COVERS_NOTHING] += counted
                 continue
         if culling and solid[face] != 0 and seen_from_behind(x0, y0, x1, y1, x2, y2):
-            counts[BEHIND_SOLID] += 1
+            counts[BEHIND_SOLID] += counted
             continue
         nearest = 1.0 / min(camera[a, 2], camera[b, 2], camera[c, 2])
         if face >= due:
             refresh_tiles(inverse_depth, first_row, last_row, tiles)
             due, tiled = due + REFRESH, True
         if tiled and not empty and hidden(tiles, left, right, top, bottom, nearest):
-            counts[HIDDEN] += 1
+            counts[HIDDEN] += counted
             continue
-        counts[DRAWN] += 1
+        counts[DRAWN] += counted
         if clipping:
             draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon)
             continue

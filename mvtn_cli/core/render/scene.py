@@ -131,7 +131,7 @@ def _points(batch: ShapeBatch, cameras: Cameras, look: Look) -> torch.Tensor:
     points = np.ascontiguousarray(batch.points.cpu().numpy(), np.float64)
     matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
     images = RenderPoints.apply(
-        matrices, points, np.ascontiguousarray(colors, np.float64), focal, look.point_radius, look.depth_cue,
-        look.background, look.image_size,
+        matrices, points, np.ascontiguousarray(colors, np.float64), look.point_radii(*points.shape[:2]), focal,
+        look.depth_cue, look.background, look.image_size,
     )  # fmt: skip
     return images.to(cameras.azimuth_deg.device)

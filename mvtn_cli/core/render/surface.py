@@ -98,11 +98,11 @@ def crease_bits(creases, face, a, b, c, screen, smooth):
 
 
 @njit
-def covered_box(ids, box):
-    """Fill `box` (4,) with first and last row, first and last column that see anything; empty: first > last."""
+def covered_box(ids, first_row, last_row, box):
+    """Fill `box` (4,) with first and last row (of some) and column that see anything; empty: first > last."""
     height, width = ids.shape
     box[0], box[1], box[2], box[3] = height, -1, width, -1
-    for j in range(height):
+    for j in range(first_row, last_row + 1):
         first = 0
         while first < width and ids[j, first] < 0:
             first += 1

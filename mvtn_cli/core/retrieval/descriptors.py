@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mvtn_cli import __version__
 from mvtn_cli.console import Console, dumps
+from mvtn_cli.core.render.tally import tally
 from mvtn_cli.core.store import Store, digest
 from mvtn_cli.core.store.atomic import write_bytes
 from mvtn_cli.core.store.shape_file import DamagedFile
@@ -89,8 +90,11 @@ class Describer:
         address = digest(self._settings, *(prepared.records[i].address for i in chunk))
         path = self.store.root / "descriptors" / address[:2] / f"{address}.npz"
         try:
-            return decode(address, path.read_bytes())
+            known = decode(address, path.read_bytes())
+            tally().count("eval-cache", len(chunk), len(chunk))
+            return known
         except (OSError, DamagedFile):
+            tally().count("eval-cache", 0, len(chunk))
             arrays = self._compute(prepared, chunk)
             write_bytes(path, encode(address, arrays), durable=False)
             return arrays
