@@ -1,7 +1,7 @@
 """One pydantic model a command: the only place with defaults, units and limits.
 
 The descriptions here are the help texts of the options, so that the two can't differ. `commands/settings.py`
-fills a model from option > environment > file > default and remembers which it was.
+fills a model from option > environment > file > preset > default and remembers which it was.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pydantic import model_validator
 
 from mvtn_cli.bench_config import BenchConfig
 from mvtn_cli.errors import UsageError, choose_error
+from mvtn_cli.export_config import ExportConfig
 from mvtn_cli.fields import Config, option
 from mvtn_cli.network_config import NetworkConfig
 from mvtn_cli.presets_config import PresetConfig, PresetsConfig
@@ -130,6 +131,9 @@ class TrainConfig(LayoutConfig, PictureConfig, NetworkConfig, RunsConfig, Machin
         "Run",
         pattern=r"^[A-Za-z0-9_][\w.+-]*$",
         words="letters, digits and _ . + - only",
+    )
+    log: Literal["none", "tensorboard"] = option(
+        "none", "Also write TensorBoard's event files, in RUN/tensorboard (needs the extra of that name)", "Run"
     )
 
     @model_validator(mode="after")
@@ -252,6 +256,7 @@ MODELS: dict[str, type[Config]] = {
     "render-views": RenderViewsConfig,
     "retrieve": RetrieveConfig,
     "predict": PredictConfig,
+    "export": ExportConfig,
     "bench": BenchConfig,
     "cache": CacheConfig,
     "doctor": DoctorConfig,

@@ -61,7 +61,21 @@ def _sentences(result: dict[str, Any]) -> list[str]:
     if baseline := result["baseline"]:
         lead = 100 * (result["accuracy"] - baseline["accuracy"])
         lines.append(f"baseline: histogram forest {_percent(baseline['accuracy'])} %, {lead:+.1f} points to this run")
+    if analysis := result["view_analysis"]:
+        lines += _of_views(analysis)
     return lines
+
+
+def _of_views(analysis: dict[str, Any]) -> list[str]:
+    if analysis["skipped"]:
+        return [f"view analysis: {analysis['skipped']}"]
+    each = ", ".join(f"{row['views']} {_percent(row['accuracy'])} %" for row in analysis["views"])
+    leak = analysis["leak"]
+    read, blind = _percent(leak["forest"]["accuracy"]), _percent(leak["majority"])
+    return [
+        f"views: {each}",
+        f"class read from the angles of the cameras alone: {read} %; always the most frequent class: {blind} %",
+    ]
 
 
 def _percent(share: float) -> str:

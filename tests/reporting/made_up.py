@@ -12,6 +12,8 @@ import tomli_w
 
 from mvtn_cli.core.evaluation.evaluate import judge, mistakes, save_views, write_tables
 from mvtn_cli.core.evaluation.files import write_json
+from mvtn_cli.core.evaluation.view_analysis import OWN, class_distribution, compare_answers
+from mvtn_cli.core.evaluation.view_leak import class_leak, class_spread
 from mvtn_cli.core.views import layouts
 
 
@@ -63,6 +65,47 @@ def pictures(found: Any, rows: list[int], size: int) -> np.ndarray:
     )
 
 
+def analysed(found: Any, classes: list[str]) -> dict[str, Any]:
+    """A view analysis in which mean views cost some answers; even shapes are read, odd ones asked."""
+    random = np.random.default_rng(1)
+    worse = {
+        name: found.logits + random.normal(0, noise, found.logits.shape)
+        for name, noise in (("per-class-mean", 1.0), ("overall-mean", 2.0))
+    }
+    answers = {OWN: found.logits, **worse}
+    angles = found.azimuth_deg, found.elevation_deg
+    read, asked = ((angles[0][i::2], angles[1][i::2], found.labels[i::2]) for i in (0, 1))
+    return {
+        "skipped": None, "train_count": len(read[2]), "test_count": len(found.labels),
+        "views": compare_answers(found.labels, answers, classes),
+        "spread": class_spread(*angles, found.labels),
+        "leak": class_leak(read, asked, len(classes), trees=20),
+        "per_class": class_distribution(found.labels, *angles, answers, classes),
+    }  # fmt: skip
+
+
+def small_shapes(names: list[str], path: Path) -> None:
+    """Write shapes.npz: by turns a mesh of a dented ball and points on one."""
+    random = np.random.default_rng(5)
+    a, e = np.meshgrid(np.linspace(0, 2 * np.pi, 25)[:-1], np.linspace(-np.pi / 2, np.pi / 2, 13), indexing="ij")
+    ball = np.stack([np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)], axis=-1).reshape(-1, 3)
+    ball *= 1 - 0.35 * np.exp(-8 * ((ball - [0.0, 0.3, 0.95]) ** 2).sum(axis=1, keepdims=True))
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(24), np.arange(12), indexing="ij"))
+    corners = [i * 13 + j, (i + 1) % 24 * 13 + j, (i + 1) % 24 * 13 + j + 1, i * 13 + j + 1]
+    faces = np.concatenate([np.stack([corners[0], b, c], axis=1) for b, c in (corners[1:3], corners[2:4])])
+    cloud = random.normal(size=(1000, 3))
+    cloud /= np.linalg.norm(cloud, axis=1, keepdims=True)
+    none = np.zeros((0, 3))
+    parts = [(none, ball, faces) if number % 2 == 0 else (cloud, none, none) for number, _ in enumerate(names)]
+    kinds = {kind: [part[k] for part in parts] for k, kind in enumerate(("point", "vertex", "face"))}
+    np.savez_compressed(
+        path, names=np.array(names), points=np.concatenate(kinds["point"]).astype(np.float32),
+        vertices=np.concatenate(kinds["vertex"]).astype(np.float32),
+        faces=np.concatenate(kinds["face"]).astype(np.uint16),
+        **{f"{kind}_counts": list(map(len, arrays)) for kind, arrays in kinds.items()},
+    )  # fmt: skip
+
+
 def make_run(
     folder: Path,
     classes: list[str],
@@ -75,9 +118,12 @@ def make_run(
     epochs: int = 30,
     skill: float = 5.0,
     baseline: bool = True,
+    analysis: bool = False,
+    class_apart_deg: float = 0.0,
 ) -> Path:
     """Write run.json, config.toml, metrics.jsonl, the view files and an evaluation."""
     found = predictions(classes, per_class, num_views, known, learned, skill)
+    found.azimuth_deg += class_apart_deg * found.labels[:, None].astype(np.float32)
     start_azimuth, start_elevation = layouts("spherical", num_views)
     views = ("learned-direct" if known else "learned-spherical") if learned else "fixed"
     config = {
@@ -97,6 +143,7 @@ def make_run(
         "schema": "mvtn.eval/1", "run": str(folder), "split": "test", "checkpoint": "best",
         **judge(found, classes, (start_azimuth, start_elevation) if learned else None),
         "baseline": {"accuracy": 0.714, "accuracy_sd": 0.008, "seeds": [0, 1, 2]} if baseline else None,
+        "view_analysis": analysed(found, classes) if analysis else None,
         "mistakes": wrong[:12], "selection": views, "seed": 3, "best": {"epoch": max(1, epochs - 2)},
         "data": {"spec": "builtin:shapes", "title": f"Made-up shapes: {len(classes)} classes, 432 train, "
                  f"48 val, {len(found.labels)} test.", "address": "9f2c51d07ab34e6688c0"},
@@ -109,6 +156,7 @@ def make_run(
     save_views(folder / "mistakes.npz", found, rows, pictures(found, rows, size) if rows else None)
     shown = list(range(0, len(found.labels), max(1, len(found.labels) // 8)))[:8]
     save_views(folder / "views_best.npz", found, shown, pictures(found, shown, size))
+    small_shapes(list(dict.fromkeys(found.names[i] for i in [*shown, *rows])), folder / "shapes.npz")
     before = SimpleNamespace(**vars(found))
     before.azimuth_deg = np.tile(start_azimuth, (len(found.labels), 1))
     before.elevation_deg = np.tile(start_elevation, (len(found.labels), 1))

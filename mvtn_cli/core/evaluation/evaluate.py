@@ -19,6 +19,8 @@ from mvtn_cli.core.evaluation.classification import metrics, probabilities
 from mvtn_cli.core.evaluation.files import write_csv, write_json
 from mvtn_cli.core.evaluation.known_view import known_view_errors
 from mvtn_cli.core.evaluation.pictures import draw_shapes
+from mvtn_cli.core.evaluation.shown_shapes import save_shapes, shown_names
+from mvtn_cli.core.evaluation.view_analysis import check_split, view_analysis
 from mvtn_cli.core.evaluation.views import view_statistics
 from mvtn_cli.core.training.checkpoint import write_run_file
 from mvtn_cli.errors import DataError, UsageError
@@ -39,12 +41,13 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     """Predict a split with the weights of a run, measure, and write the files.
 
     Into `config.out`, else the run's folder (for another split or checkpoint than test and best, a folder of
-    that name within it): `result.json`, `predictions.csv`, `views.csv`, `confusion.csv`, `mistakes.npz`.
+    that name within it): `result.json`, `predictions.csv`, `views.csv`, `confusion.csv`, `mistakes.npz`,
+    and `shapes.npz`, small copies of the shapes that the report shows.
 
     Args:
         run: A run that has weights.
         prepared: The data set that it is judged on.
-        config: Split, checkpoint, baseline, batch size, device, out.
+        config: Split, checkpoint, baseline, view analysis, batch size, device, out.
         console: For progress.
 
     Returns:
@@ -52,7 +55,7 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
 
     Raises:
         DataError: The split is empty.
-        UsageError: The run knows other classes.
+        UsageError: The run knows other classes, or a view analysis is asked for on training shapes.
     """
     begun = time.monotonic()
     from mvtn_cli.core.training.fixed_views import with_kept_views
@@ -60,6 +63,8 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
 
     settings = run.config
     _check_classes(run, prepared)
+    if config.view_analysis:
+        check_split(config.split)
     indices = split_indices(settings, prepared, config.split)
     model = load_model(run, config.checkpoint, config.device)
 
@@ -74,17 +79,26 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
         "checkpoint": config.checkpoint,
         **judge(found, run.classes, start_views(model), uses_views=model.uses_views),
         "baseline": None,
+        "view_analysis": None,
         "model": model.facts(),
     }
     if config.baseline:
         console.note("random forest on distance histograms …")
         document["baseline"] = histogram_forest(prepared, range(config.seed, config.seed + 3), split=config.split)
+    if config.view_analysis:
+        train = split_indices(settings, prepared, "train")
+        document["view_analysis"] = view_analysis(
+            *(model, prepared, train, indices, found, seeded, run.classes),
+            batch_size=config.batch_size, seed=config.seed, console=console,
+        )  # fmt: skip
     document |= provenance(run, prepared, config)
     folder = results_folder(run.path, config.split, config.checkpoint, config.out)
     document["mistakes"] = mistakes(found, run.classes, sources)[:SHOWN_MISTAKES]
     write_tables(folder, found, run.classes, sources, uses_views=model.uses_views)
     shown = [mistake["index"] for mistake in document["mistakes"]] if model.uses_views else []
     save_views(folder / "mistakes.npz", found, shown, draw(prepared, indices, found, shown, settings))
+    pictured = [*shown_names(run.path / "views_best.npz"), *(found.names[i] for i in shown)]
+    save_shapes(folder / "shapes.npz", prepared, pictured if model.uses_views else [], console)
     document |= {"seconds": time.monotonic() - begun, "folder": str(folder)}
     write_json(folder / "result.json", document)
     return document

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
@@ -26,6 +26,7 @@ class Views:
         labels: (N,) class indices, -1 where unknown.
         azimuth_deg: (N, M).
         elevation_deg: (N, M).
+        distance: (N, M) shape radii, NaN where it was not kept.
         images: (N, M, 3, H, W) uint8.
     """
 
@@ -33,7 +34,22 @@ class Views:
     labels: NDArray[np.int64]
     azimuth_deg: NDArray[np.float64]
     elevation_deg: NDArray[np.float64]
+    distance: NDArray[np.float64]
     images: NDArray[np.uint8]
+
+
+class Solid(NamedTuple):
+    """A small copy of a shape: a mesh, or points where it has none.
+
+    Attributes:
+        points: (P, 3); (0, 3) for a mesh.
+        vertices: (V, 3).
+        faces: (F, 3) indices.
+    """
+
+    points: NDArray[np.float32]
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -42,12 +58,14 @@ class CameraTable:
 
     Attributes:
         names: N names.
+        labels: N names of classes, empty where unknown.
         azimuth_deg: (N, M).
         elevation_deg: (N, M).
         known_azimuth_deg: (N,), NaN where no side is known.
     """
 
     names: tuple[str, ...]
+    labels: tuple[str, ...]
     azimuth_deg: NDArray[np.float64]
     elevation_deg: NDArray[np.float64]
     known_azimuth_deg: NDArray[np.float64]
@@ -67,6 +85,7 @@ class Findings:
         best: Views of the same shapes with the best weights.
         mistakes: Views of misclassified shapes, in the order of `result["mistakes"]`.
         cameras: `views.csv`.
+        solids: `shapes.npz`, by the name of the shape; may be empty.
         command: What to type to get this run again.
     """
 
@@ -79,6 +98,7 @@ class Findings:
     best: Views | None = None
     mistakes: Views | None = None
     cameras: CameraTable | None = None
+    solids: Mapping[str, Solid] = field(default_factory=dict)
     command: str = ""
 
 
@@ -105,6 +125,7 @@ def gather(run: Path, folder: Path | None = None) -> Findings:
         best=read_views(run / "views_best.npz"),
         mistakes=read_views(folder / "mistakes.npz"),
         cameras=read_cameras(folder / "views.csv"),
+        solids=read_solids(folder / "shapes.npz"),
         command=repeat_command(config),
     )
 
@@ -113,11 +134,14 @@ def read_views(path: Path) -> Views | None:
     """Read pictures with their cameras; None if the file is missing or is not one of these."""
     try:
         with np.load(path, allow_pickle=False) as arrays:
+            azimuth = arrays["azimuth"].astype(np.float64)
+            distance = arrays["distance"] if "distance" in arrays else np.full(azimuth.shape, np.nan)
             views = Views(
                 tuple(str(name) for name in arrays["names"]),
                 arrays["labels"].astype(np.int64),
-                arrays["azimuth"].astype(np.float64),
+                azimuth,
                 arrays["elevation"].astype(np.float64),
+                np.broadcast_to(distance, azimuth.shape).astype(np.float64),
                 arrays["images"].astype(np.uint8),
             )
     except (OSError, KeyError, ValueError, EOFError, BadZipFile):
@@ -125,6 +149,31 @@ def read_views(path: Path) -> Views | None:
     count, num_views = views.azimuth_deg.shape
     fits = views.images.shape[:3] == (count, num_views, 3) and len(views.names) == count
     return views if fits and count else None
+
+
+def read_solids(path: Path) -> dict[str, Solid]:
+    """Read small copies of shapes by their names; none if the file is missing or is not one of these."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            names = [str(name) for name in arrays["names"]]
+            parts = [
+                np.split(arrays[kind].astype(dtype), np.cumsum(arrays[f"{count}_counts"])[:-1])
+                for kind, count, dtype in (
+                    ("points", "point", np.float32), ("vertices", "vertex", np.float32), ("faces", "face", np.int64)
+                )
+            ]  # fmt: skip
+            solids = {name: Solid(*part) for name, *part in zip(names, *parts, strict=True)}
+    except (OSError, KeyError, ValueError, EOFError, BadZipFile):
+        return {}
+    return solids if all(_is_sound(solid) for solid in solids.values()) else {}
+
+
+def _is_sound(solid: Solid) -> bool:
+    return (
+        all(part.ndim == 2 and part.shape[1] == 3 and np.isfinite(part).all() for part in solid)
+        and bool(len(solid.points) or len(solid.faces))
+        and (not len(solid.faces) or 0 <= solid.faces.min() <= solid.faces.max() < len(solid.vertices))
+    )
 
 
 def read_cameras(path: Path) -> CameraTable | None:
@@ -142,6 +191,7 @@ def read_cameras(path: Path) -> CameraTable | None:
 
     return CameraTable(
         tuple(row["name"] for row in first),
+        tuple(row["label"] for row in first),
         column("azimuth_deg", rows).reshape(-1, num_views),
         column("elevation_deg", rows).reshape(-1, num_views),
         column("known_azimuth_deg", first),

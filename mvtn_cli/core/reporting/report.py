@@ -7,6 +7,8 @@ from pathlib import Path
 from mvtn_cli.core.reporting import sections, words
 from mvtn_cli.core.reporting.confusion import confusion_layout
 from mvtn_cli.core.reporting.gather import Findings, gather
+from mvtn_cli.core.reporting.view_section import view_analysis_section
+from mvtn_cli.core.reporting.viewer import viewer_section
 from mvtn_cli.core.training.checkpoint import write_run_file
 
 
@@ -36,7 +38,7 @@ def render_report(findings: Findings) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for name in ("percent", "degrees", "number", "count", "duration"):
+    for name in ("percent", "span", "degrees", "number", "count", "duration"):
         environment.filters[name] = getattr(words, name)
     return environment.get_template("report.html.jinja").render(
         name=findings.name,
@@ -47,6 +49,8 @@ def render_report(findings: Findings) -> str:
         figures=sections.headline(findings),
         curves=sections.learning_curves(findings),
         cameras=sections.camera_section(findings),
+        analysis=view_analysis_section(findings),
+        viewer=viewer_section(findings),
         shapes=sections.before_and_after(findings),
         repeated=[pair for pair in findings.result["top_confusions"] if pair["count"] > 1],
         confusion=confusion_layout(findings.result["confusion"], findings.result["classes"]),

@@ -19,13 +19,14 @@ from mvtn_cli.network_config import POINT_NETWORKS
 NETWORK_NAMES = {
     "mvcnn": "MVCNN", "rotationnet": "RotationNet", "viewgcn": "View-GCN", "pointnet": "PointNet", "dgcnn": "DGCNN",
 }  # fmt: skip
-THUMBNAIL = 112
+THUMBNAIL, LARGE = 112, 224  # pixels of a picture in the page: it is shown small, and grows by a click
 SHOWN_SHAPES = 8
 SHOWN_VIEWS = 12
 SHOWN_MISTAKES = 12
 MISTAKE_VIEWS = 6
 SAME_START_DEG = 10.0
-MAX_PICTURES = 160  # before and after together: about 2 MB
+MAX_PICTURES = 160  # before and after together
+PICTURES_BYTES = 4_000_000  # of all pictures together, so that the page stays below 6 MB
 
 
 def summary(findings: Findings) -> str:
@@ -244,6 +245,7 @@ def before_and_after(findings: Findings) -> dict[str, Any] | None:
     )
     stages = [start, best] if moved and start is not None else [best]
     num_views = min(SHOWN_VIEWS, best.azimuth_deg.shape[1])
+    size = picture_size(findings)
     rows = range(min(len(best.names), SHOWN_SHAPES, max(1, MAX_PICTURES // (num_views * len(stages)))))
     return {
         "moved": moved,
@@ -253,7 +255,7 @@ def before_and_after(findings: Findings) -> dict[str, Any] | None:
                 "name": best.names[i],
                 "short": _short(best.names[i], _class_name(findings, int(best.labels[i]))),
                 "label": _class_name(findings, int(best.labels[i])),
-                "views": [[_picture(stage, i, v) for stage in stages] for v in range(num_views)],
+                "views": [[_picture(stage, i, v, size) for stage in stages] for v in range(num_views)],
             }
             for i in rows
         ],
@@ -264,12 +266,13 @@ def mistakes(findings: Findings) -> list[dict[str, Any]]:
     """The surest mistakes with their pictures."""
     views = findings.mistakes
     where = {} if views is None else {name: i for i, name in enumerate(views.names)}
+    size = picture_size(findings)
     found = []
     for mistake in findings.result.get("mistakes", [])[:SHOWN_MISTAKES]:
         row = where.get(mistake["name"])
         pictures: list[dict[str, Any]] = []
         if views is not None and row is not None:
-            pictures = [_picture(views, row, v) for v in range(min(MISTAKE_VIEWS, views.azimuth_deg.shape[1]))]
+            pictures = [_picture(views, row, v, size) for v in range(min(MISTAKE_VIEWS, views.azimuth_deg.shape[1]))]
         found.append({**mistake, "short": _short(mistake["name"], mistake["label"]), "pictures": pictures})
     return found
 
@@ -290,10 +293,22 @@ def settings(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _picture(views: Views, shape: int, view: int) -> dict[str, str]:
+def picture_size(findings: Findings) -> int:
+    """The largest side in pixels of the pictures in the page: 224 where they then stay below 4 MB, else 112."""
+    views = findings.best or findings.mistakes
+    if views is None or views.azimuth_deg.size == 0:
+        return THUMBNAIL
+    some = [len(png_uri(images[0], LARGE)) for images in views.images[:SHOWN_SHAPES]]
+    most = min(MAX_PICTURES, 2 * views.azimuth_deg.size) + SHOWN_MISTAKES * min(
+        MISTAKE_VIEWS, views.azimuth_deg.shape[1]
+    )
+    return LARGE if most * max(some) < PICTURES_BYTES else THUMBNAIL
+
+
+def _picture(views: Views, shape: int, view: int, size: int) -> dict[str, str]:
     azimuth, elevation = standard_angles(views.azimuth_deg[shape, view], views.elevation_deg[shape, view])
     return {
-        "uri": png_uri(views.images[shape, view], THUMBNAIL),
+        "uri": png_uri(views.images[shape, view], size),
         "azimuth": words.degrees(float(azimuth), 0),
         "elevation": words.degrees(float(elevation), 0),
     }
