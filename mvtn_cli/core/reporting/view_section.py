@@ -48,8 +48,8 @@ def _verdict(rows: list[dict[str, Any]]) -> str:
     """Whether single shapes need views of their own; rows are own, class mean, overall mean."""
     _, by_class, overall = rows
     text = (
-        f"{words.count(by_class['lost'])} shapes are right only from their own views, "
-        f"{words.count(by_class['gained'])} only from those of their class"
+        f"Right only from their own views: {words.count(by_class['lost'])}; "
+        f"only from those of their class: {words.count(by_class['gained'])} shapes"
     )
     sure = abs(by_class["lost"] - by_class["gained"]) > 1.96 * (by_class["lost"] + by_class["gained"]) ** 0.5
     if sure and by_class["lost"] > by_class["gained"]:
