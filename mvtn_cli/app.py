@@ -42,6 +42,7 @@ COMMANDS = {
     "render-views": Door("render_views", "Use", "Draw what cameras see of shapes, and write the cameras down."),
     "retrieve": Door("retrieve", "Use", "Find shapes that are alike, and measure how well that works."),
     "predict": Door("predict", "Use", "Name the class of each file."),
+    "export": Door("export", "Use", "Write a run as ONNX, weights and a model card."),
     "bench": Door("bench", "Look after", "Measure the renderer: error against run time."),
     "cache": Door("cache", "Look after", "Show or clear the stored shapes."),
     "doctor": Door("doctor", "Look after", "Say what this machine can do, or what is wrong with a data set."),

@@ -160,7 +160,8 @@ def test_compare_views_prints_means_and_intervals_of_three_selections(tmp_path: 
 
 
 def test_every_example_is_run_here_and_says_what_one_learns_and_how_long_it_takes():
-    tests = Path(__file__).read_text(encoding="utf-8")
+    others = REPOSITORY / "tests/export/test_export_command.py"  # which has a run and its export at hand
+    tests = "".join(path.read_text(encoding="utf-8") for path in (Path(__file__), others))
     scripts = [path for path in EXAMPLES.iterdir() if path.suffix in (".sh", ".py")]
     assert len(scripts) >= 4
     for script in scripts:

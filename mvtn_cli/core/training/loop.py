@@ -16,7 +16,7 @@ from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
 from mvtn_cli.core.render import Look
 from mvtn_cli.core.render.warming import compile_renderer
-from mvtn_cli.core.training import judge, learner, schedules, watch
+from mvtn_cli.core.training import judge, learner, schedules, tracking, watch
 from mvtn_cli.core.training.device import choose_device, use_threads
 from mvtn_cli.core.training.find import find_or_create_run
 from mvtn_cli.core.training.fixed_views import load_batch, with_kept_views
@@ -62,6 +62,7 @@ def train(
         MvtnError: Too many steps in a row without finite numbers; another process trains this run.
     """
     watch.check_views_can_learn(config)
+    tracking.require(config.log)
     indices = training_indices(config, prepared)
     # Built before the run's folder: a wrong backbone or weights file leaves nothing behind.
     model = build_recogniser(config, len(prepared.classes))
@@ -70,10 +71,10 @@ def train(
         return run
     for warning in model.warnings():
         console.warn(warning)
-    with run.lock(), StopRequest(console, stop) as stopping:
+    with run.lock(), StopRequest(console, stop) as stopping, tracking.open_log(config.log, run) as track:
         run.set_state("running", selected_by=indices.selected_by, model=model.facts())
         try:
-            _train(run, model, config, prepared, indices, console, stopping)
+            _train(run, model, config, prepared, indices, console, stopping, track)
         except MvtnError as error:
             run.set_state("interrupted", reason=error.message)
             raise
@@ -89,6 +90,7 @@ def _train(
     indices: Indices,
     console: Console,
     stopping: StopRequest,
+    track: tracking.Track,
 ) -> None:
     """From the first step, or the one after the last that was saved, to the end."""
     shown = shown_indices(indices, [record.label for record in prepared.records], SHOWN_SHAPES)
@@ -205,6 +207,7 @@ def _train(
             position.best = {key: record[key] for key in ("epoch", "val_accuracy", "val_loss")}
             judge.keep_best(run, model, {**position.best, "selected_by": indices.selected_by}, seen)
         run.append_metrics(record)
+        track(record)
         position.next_epoch()
         save(run, position, model, optimisers)
         saved = time.monotonic()

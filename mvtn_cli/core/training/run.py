@@ -29,7 +29,7 @@ from mvtn_cli.core.training.checkpoint import finite_or_null, write_json, write_
 from mvtn_cli.errors import DataError, MvtnError, choose_error
 
 # None of these changes what a training computes (the data are compared by address).
-NOT_SETTINGS = frozenset({"dataset", "name", "runs", "cache", "device", "threads", "workers"})
+NOT_SETTINGS = frozenset({"dataset", "name", "runs", "cache", "device", "threads", "workers", "log"})
 
 
 @dataclass(frozen=True)
