@@ -123,6 +123,7 @@ RESULT = {
     ],
     "known_view": {"median_deg": 14.2, "within_30": 0.8, "over_90": 0.05},
     "baseline": {"accuracy": 0.5},
+    "view_analysis": None,
 }
 
 

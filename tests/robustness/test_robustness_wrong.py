@@ -40,7 +40,7 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (["--crop", "exten"], "unknown crop 'exten'; did you mean 'extent'?", "--crop is one of: quantile, extent"),
         (["--repeats", "0"], "--repeats must be at least 1, got 0", ""),
         (["--limit", "0"], "--limit must be at least 1, got 0", ""),
-        (["nothere"], "unknown run 'nothere'", "run is one of:"),
+        (["nothere"], "unknown run 'nothere'", "there is no run yet"),
     ],
 )
 def test_wrong_words(words: list[str], message: str, hint: str):

@@ -90,7 +90,9 @@ def test_weights_that_are_not_there_are_a_clear_error(settings, boxes, quiet, tm
 def test_half_a_file_of_a_run_is_named_with_what_to_do(file, settings, boxes, quiet):
     run = train(settings(epochs=1), boxes, quiet)
     content = (run.path / file).read_bytes()
-    (run.path / file).write_bytes(content[: len(content) // 2])
+    # half of a list of settings may be one, too: this one ends within a word
+    middle = content.rindex(b'"') if file == "config.toml" else len(content) // 2
+    (run.path / file).write_bytes(content[:middle])
     with pytest.raises(DataError, match=r"^can't read .*") as broken:
         load_model(run, "last")
     assert str(run.path / file) in broken.value.message and "\n" not in broken.value.message
