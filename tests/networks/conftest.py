@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
 import torch
 from tetrahedra import tetrahedron
+from threads import one_thread  # noqa: F401
 
 from mvtn_cli.core.networks import recogniser
 from mvtn_cli.core.render import ShapeBatch, pack
@@ -33,12 +33,3 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[SimpleNamespace]:
 
     monkeypatch.setattr(recogniser, "render", paint)
     return kept
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """Pictures of 16 pixels are not worth a second thread."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)

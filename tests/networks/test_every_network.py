@@ -9,13 +9,14 @@ import torch
 from tetrahedra import CLASSES, config, look, tetrahedron
 from torch.nn import functional
 
-from mvtn_cli.core.networks import NETWORKS, SELECTIONS, Recogniser, build_recogniser
-from mvtn_cli.core.networks.points import CLASSIFIERS
+from mvtn_cli.core.networks import Recogniser, build_recogniser
 from mvtn_cli.core.render import pack
 from mvtn_cli.errors import UsageError
+from mvtn_cli.network_config import NETWORKS, POINT_NETWORKS
+from mvtn_cli.shared_config import SELECTIONS
 
 LEARNED = [views for views in SELECTIONS if views.startswith("learned")]
-OF_VIEWS = [network for network in NETWORKS if network not in CLASSIFIERS]
+OF_VIEWS = [network for network in NETWORKS if network not in POINT_NETWORKS]
 EXTRAS = [{}, {"fuse": True}, {"first_stage_epochs": 1}, {"learn_distance": 1.4, "learn_light": True}]
 
 
@@ -32,7 +33,7 @@ def step(model: Recogniser, batch, kind: str, seed: int) -> None:
 def admitted() -> list[tuple[str, str]]:
     plain = ("fixed", "jittered", "random")
     pairs = [(network, views) for network in NETWORKS for views in SELECTIONS if views != "transferred"]
-    return [(network, views) for network, views in pairs if network not in CLASSIFIERS or views in plain]
+    return [(network, views) for network, views in pairs if network not in POINT_NETWORKS or views in plain]
 
 
 @pytest.mark.parametrize(("network", "views"), admitted())

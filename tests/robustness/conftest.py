@@ -2,30 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 import torch
+from threads import one_thread  # noqa: F401
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.core.networks.recogniser import build_recogniser
 from mvtn_cli.core.training.checkpoint import write_weights
 from mvtn_cli.core.training.predict import predict
 from mvtn_cli.core.training.run import Run
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """Pictures of 16 pixels are not worth a second thread."""
-    before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(1)
-    numba.set_num_threads(1)
-    yield
-    torch.set_num_threads(before[0])
-    numba.set_num_threads(before[1])
 
 
 @pytest.fixture

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
-import torch
+from threads import one_thread  # noqa: F401
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
@@ -123,14 +122,3 @@ def settings(tmp_path: Path) -> Callable[..., TrainConfig]:
 def quiet() -> Console:
     """A console that only keeps warnings."""
     return Console(quiet=True)
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    """Pictures of 16 pixels are not worth a second thread."""
-    before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(1)
-    numba.set_num_threads(1)
-    yield
-    torch.set_num_threads(before[0])
-    numba.set_num_threads(before[1])

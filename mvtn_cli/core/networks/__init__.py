@@ -1,7 +1,7 @@
 """Picture networks, point encoders, view selectors, and the recogniser that they make up."""
 
 from mvtn_cli.core.networks.backbones import backbone_names, build_backbone
-from mvtn_cli.core.networks.build import NETWORKS, build_network
+from mvtn_cli.core.networks.build import build_network
 from mvtn_cli.core.networks.class_views import class_mean_views
 from mvtn_cli.core.networks.dgcnn import DGCNN
 from mvtn_cli.core.networks.encoders import ENCODERS, build_encoder
@@ -12,7 +12,7 @@ from mvtn_cli.core.networks.pointnet import PointNet, PointNetEncoder
 from mvtn_cli.core.networks.points import PointBranch, PointClassifier
 from mvtn_cli.core.networks.recogniser import Output, Recogniser, build_recogniser
 from mvtn_cli.core.networks.rotationnet import RotationNet
-from mvtn_cli.core.networks.selection import SELECTIONS, make_selector
+from mvtn_cli.core.networks.selection import make_selector
 from mvtn_cli.core.networks.viewgcn import ViewGCN
 from mvtn_cli.core.networks.viewpoint import ViewSelector
 
@@ -20,8 +20,6 @@ __all__ = [
     "DGCNN",
     "ENCODERS",
     "MVCNN",
-    "NETWORKS",
-    "SELECTIONS",
     "HeadOutput",
     "MultiViewHead",
     "MultiViewNetwork",

@@ -10,14 +10,13 @@ from mvtn_cli.core.networks.backbones import build_backbone
 from mvtn_cli.core.networks.heads import MultiViewHead
 from mvtn_cli.core.networks.multiview import MultiViewNetwork
 from mvtn_cli.core.networks.mvcnn import MVCNN
-from mvtn_cli.core.networks.points import CLASSIFIERS, PointBranch, PointClassifier
+from mvtn_cli.core.networks.points import PointBranch, PointClassifier
 from mvtn_cli.core.networks.rotationnet import RotationNet
 from mvtn_cli.core.networks.settings import ClassifierSettings, SelectorSettings
 from mvtn_cli.core.networks.viewgcn import ViewGCN
 from mvtn_cli.core.views import layout_symmetries, layouts
 from mvtn_cli.errors import UsageError, choose_error
-
-NETWORKS = ("mvcnn", "rotationnet", "viewgcn", *CLASSIFIERS)
+from mvtn_cli.network_config import NETWORKS, POINT_NETWORKS
 
 
 def build_network(config: Any, num_classes: int, *, read_weights: bool = True) -> MultiViewNetwork | PointClassifier:
@@ -34,7 +33,7 @@ def build_network(config: Any, num_classes: int, *, read_weights: bool = True) -
     settings, views = ClassifierSettings.of(config), SelectorSettings.of(config)
     if settings.network not in NETWORKS:
         raise choose_error("network", settings.network, NETWORKS)
-    if settings.network in CLASSIFIERS:
+    if settings.network in POINT_NETWORKS:
         _check_points_alone(settings, views)
         return PointClassifier(settings.network, num_classes, tnets=settings.tnets)
     backbone, dimension = build_backbone(settings.backbone, str(settings.weights), read=read_weights)

@@ -12,8 +12,8 @@ from mvtn_cli.core.networks.encoders import build_encoder
 from mvtn_cli.core.networks.heads import Answer, HeadOutput, MultiViewHead
 from mvtn_cli.core.networks.pointnet import PointNet, not_orthogonal
 from mvtn_cli.errors import choose_error
+from mvtn_cli.network_config import POINT_NETWORKS
 
-CLASSIFIERS = ("pointnet", "dgcnn")
 ORTHOGONALITY = 1e-3  # weight of its term in the loss, as in PointNet's paper
 DROPOUT = 0.5
 
@@ -34,8 +34,8 @@ class PointClassifier(MultiViewHead):
 
     def __init__(self, name: str, classes: int, *, tnets: bool = False) -> None:
         super().__init__()
-        if name not in CLASSIFIERS:
-            raise choose_error("point classifier", name, CLASSIFIERS)
+        if name not in POINT_NETWORKS:
+            raise choose_error("point classifier", name, POINT_NETWORKS)
         self.backbone = nn.Identity()  # of pictures
         self.encoder: PointNet | DGCNN = (
             PointNet(classes, tnets=tnets, dropout=DROPOUT) if name == "pointnet" else DGCNN(classes, dropout=DROPOUT)

@@ -15,11 +15,8 @@ from mvtn_cli.core.networks.transfer import TransferredViews
 from mvtn_cli.core.networks.viewpoint import Angles, FixedViews, JitteredViews, RandomViews, ViewSelector
 from mvtn_cli.core.views import layouts
 from mvtn_cli.errors import UsageError, choose_error
+from mvtn_cli.shared_config import SELECTIONS
 
-SELECTIONS = (
-    "fixed", "jittered", "random", "learned-direct", "learned-circular", "learned-spherical", "learned-random",
-    "transferred",
-)  # fmt: skip
 NEAREST = 1.05  # radii from the centre that a learned distance keeps at least
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -120,23 +119,12 @@ class Describer:
     @cached_property
     def _settings(self) -> str:
         """Everything but the shapes that has a say in a descriptor."""
-        weights = self.run.weights_path(self.checkpoint)
+        weights = self.run.require_weights(self.checkpoint).read_bytes()
         config = self.run.config
         chosen = config.model_dump(mode="json", exclude=set(NOT_SETTINGS))
         steps = self.batch_size if config.views in ("random", "jittered") else None  # random views differ by the step
         parts = {"version": __version__, "config": chosen, "seed": self.seed, "batch_size": steps}
-        return digest(_weights(self.run.name, self.checkpoint, weights), dumps(parts))
-
-
-def _weights(name: str, checkpoint: str, path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise DataError(
-            f"run {name} has no {checkpoint} weights yet",
-            hint="finish its training" + ("" if checkpoint == "last" else ", or use --checkpoint last"),
-            code="run.no-weights",
-        ) from None
+        return digest(weights, dumps(parts))
 
 
 def labelled(prepared: Prepared, split: str) -> list[int]:

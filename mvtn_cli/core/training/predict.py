@@ -132,13 +132,7 @@ def load_model(run: Run, checkpoint: str = "best", device: torch.device | str = 
     Raises:
         DataError: The run has no such weights yet, or they do not fit.
     """
-    path = run.weights_path(checkpoint)
-    if not path.exists():
-        raise DataError(
-            f"run {run.name} has no {checkpoint} weights yet",
-            hint="finish its training" + ("" if checkpoint == "last" else ", or use --checkpoint last"),
-            code="run.no-weights",
-        )
+    path = run.require_weights(checkpoint)
     # what the backbone began with need not be there any more: the trained weights hold it
     model = build_recogniser(run.config, len(run.classes), read_weights=False)
     try:

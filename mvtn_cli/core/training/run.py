@@ -141,6 +141,21 @@ class Run:
         """The weights file of `best` or `last`."""
         return self.path / f"{checkpoint}.safetensors"
 
+    def require_weights(self, checkpoint: str = "best") -> Path:
+        """The weights file of `best` or `last`, which must be there.
+
+        Raises:
+            DataError: It is not there yet.
+        """
+        path = self.weights_path(checkpoint)
+        if not path.exists():
+            raise DataError(
+                f"run {self.name} has no {checkpoint} weights yet",
+                hint="finish its training" + ("" if checkpoint == "last" else ", or use --checkpoint last"),
+                code="run.no-weights",
+            )
+        return path
+
     @property
     def config(self) -> TrainConfig:
         """The settings it was begun with.
