@@ -187,7 +187,10 @@ def test_killed_and_started_again_it_has_the_same_next_epoch(settings, boxes, qu
     config = settings(epochs=4, color="random")
     here, environment = (
         Path(__file__).parent,
-        {**os.environ, "PYTHONPATH": str(Path(loop.__file__).parents[3])},
+        {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(map(str, (Path(loop.__file__).parents[3], Path(__file__).parents[1]))),
+        },
     )
     command = [sys.executable, "-c", KILLED, str(here), config.model_dump_json()]
     killed = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
