@@ -193,7 +193,11 @@ def test_a_damaged_list_is_refused_with_its_line(tmp_path, line, words):
     assert words in refusal(str(tmp_path))
 
 
-@pytest.mark.parametrize("damage", [b"a,b,c\n1,2,3\n", b"", b"\xff\xfe\x00", gzip.compress(b"x" * 999)[:20]])
+@pytest.mark.parametrize(
+    "damage",
+    [b"a,b,c\n1,2,3\n", b"", b"\xff\xfe\x00", gzip.compress(b"x" * 999, mtime=0)[:20]],
+    ids=["other-columns", "empty", "no-text", "cut-gzip"],
+)
 def test_what_is_no_list_is_refused(tmp_path, damage):
     v2_release(tmp_path)
     (tmp_path / "all.csv").unlink()
