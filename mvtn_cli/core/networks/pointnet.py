@@ -8,7 +8,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from mvtn_cli.core.networks.layers import norm_layers
+from mvtn_cli.core.networks.layers import BatchNorm, norm_layers
 
 GLOBAL = 1024  # features of a cloud, after the maximum over its points
 
@@ -17,27 +17,30 @@ class PointNetEncoder(nn.Module):
     """The same small network for every point, then the maximum over the points.
 
     The order of the points does not matter, and copies of a point change nothing. It has no spatial
-    transformers. By default it has no BatchNorm either, which would take away whatever is the same for all
-    points and shapes.
+    transformers, and by default BatchNorm only on what comes out: untrained features of different shapes differ
+    by a tenth of their size, so that without it whatever follows learns from what all shapes share, and cameras
+    stay the same for all of them.
 
     Args:
         widths: Of the layers; the last is the number of features.
         norm: BatchNorm after each layer.
+        norm_last: BatchNorm on the features, after the maximum.
 
     References:
         Qi, Su, Mo, Guibas. PointNet: Deep Learning on Point Sets for 3D Classification and Segmentation.
         CVPR 2017.
     """
 
-    def __init__(self, widths: Sequence[int] = (32, 64, 64), *, norm: bool = False) -> None:
+    def __init__(self, widths: Sequence[int] = (32, 64, 64), *, norm: bool = False, norm_last: bool = True) -> None:
         super().__init__()
         self.dimension = int(widths[-1])
         self.layers = shared_layers((3, *widths), norm=norm)
+        self.last = BatchNorm(self.dimension) if norm_last else nn.Identity()
 
     def forward(self, points: Tensor) -> Tensor:
-        """(B, P, 3) -> (B, widths[-1]), all >= 0."""
-        features: Tensor = self.layers(points)
-        return features.amax(dim=1)
+        """(B, P, 3) -> (B, widths[-1])."""
+        features: Tensor = self.last(self.layers(points).amax(dim=1))
+        return features
 
 
 class PointNet(nn.Module):
