@@ -38,6 +38,7 @@ COMMANDS = {
     "sweep": Door("sweep", "Train", "Train with several settings each, into one table and plot."),
     "presets": Door("presets", "Train", "List the paper's settings, row by row, with its figures."),
     "eval": Door("evaluate", "Use", "Measure a trained classifier and write its report."),
+    "report": Door("report", "Use", "Write the report of a run again, or compare several."),
     "robustness": Door("robustness", "Use", "Measure runs on shapes that are turned, cut or noisy."),
     "render-views": Door("render_views", "Use", "Draw what cameras see of shapes, and write the cameras down."),
     "retrieve": Door("retrieve", "Use", "Find shapes that are alike, and measure how well that works."),

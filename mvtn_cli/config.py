@@ -18,6 +18,7 @@ from mvtn_cli.fields import Config, option
 from mvtn_cli.network_config import NetworkConfig
 from mvtn_cli.presets_config import PresetConfig, PresetsConfig
 from mvtn_cli.render_views_config import RenderViewsConfig
+from mvtn_cli.report_config import ReportConfig
 from mvtn_cli.retrieve_config import RetrieveConfig
 from mvtn_cli.robustness_config import RobustnessConfig
 from mvtn_cli.shared_config import (
@@ -252,6 +253,7 @@ MODELS: dict[str, type[Config]] = {
     "sweep": SweepConfig,
     "presets": PresetsConfig,
     "eval": EvalConfig,
+    "report": ReportConfig,
     "robustness": RobustnessConfig,
     "render-views": RenderViewsConfig,
     "retrieve": RetrieveConfig,

@@ -109,18 +109,18 @@ def gather(run: Path, folder: Path | None = None) -> Findings:
         DataError: The run hasn't been evaluated there.
     """
     run, folder = Path(run), Path(folder or run)
-    result = _json(folder / "result.json")
+    result = read_json(folder / "result.json")
     if not result:
         raise DataError(
             f"no evaluation in {folder}", hint=f"make one first: mvtn eval {run}", code="report.no-evaluation"
         )
-    config = _toml(run / "config.toml")
+    config = read_toml(run / "config.toml")
     return Findings(
         name=run.name,
         result=result,
         config=config,
-        run=_json(run / "run.json"),
-        epochs=tuple(_lines(run / "metrics.jsonl")),
+        run=read_json(run / "run.json"),
+        epochs=tuple(read_lines(run / "metrics.jsonl")),
         start=read_views(run / "views_start.npz"),
         best=read_views(run / "views_best.npz"),
         mistakes=read_views(folder / "mistakes.npz"),
@@ -221,7 +221,8 @@ def repeat_command(config: Mapping[str, Any]) -> str:
     return " ".join(words)
 
 
-def _json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a document; an empty one if the file is missing or broken."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -229,8 +230,8 @@ def _json(path: Path) -> dict[str, Any]:
     return document if isinstance(document, dict) else {}
 
 
-def _lines(path: Path) -> list[dict[str, Any]]:
-    """The epochs; a last line that a crash cut off ends them."""
+def read_lines(path: Path) -> list[dict[str, Any]]:
+    """Read the epochs; a last line that a crash cut off ends them."""
     lines: list[dict[str, Any]] = []
     if path.is_file():
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -241,7 +242,8 @@ def _lines(path: Path) -> list[dict[str, Any]]:
     return lines
 
 
-def _toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read settings; none if the file is missing or broken."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

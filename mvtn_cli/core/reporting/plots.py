@@ -240,7 +240,7 @@ def _finish(figure: Figure, salt: str, description: str) -> str:
         (r"<defs>\s*<style.*?</style>\s*</defs>", ""),
         (r" font-family: [^;\"]*;", ""),
         (r' transform="rotate\(-?0 [^"]*"', ""),
-        (r"(\d+\.\d{2})\d+", r"\1"),
+        (r"(\d+\.\d{2})\d+(?=[^<>]*>)", r"\1"),  # inside a tag: a name such as lr-0.0005 stays whole
         (r"#0000[0-9a-f]{2}\b", lambda match: f"var(--{VARIABLES[match[0]]})"),
         (r">\s+<", "><"),
         (r"\s*\n", " "),

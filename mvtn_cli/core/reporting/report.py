@@ -4,43 +4,34 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mvtn_cli.core.reporting import sections, words
+from mvtn_cli.core.reporting import sections
 from mvtn_cli.core.reporting.confusion import confusion_layout
 from mvtn_cli.core.reporting.gather import Findings, gather
+from mvtn_cli.core.reporting.templating import template
 from mvtn_cli.core.reporting.view_section import view_analysis_section
 from mvtn_cli.core.reporting.viewer import viewer_section
 from mvtn_cli.core.training.checkpoint import write_run_file
 
 
-def write_report(run: Path, folder: Path | None = None) -> Path:
+def write_report(run: Path, folder: Path | None = None, *, page: Path | None = None) -> Path:
     """Write `report.html` beside the evaluation of a run.
 
     Args:
         run: The run's folder.
         folder: Where its evaluation lies, and the report goes; the run's folder by default.
+        page: Another file for it.
 
     Raises:
         DataError: The run hasn't been evaluated there.
     """
-    path = Path(folder or run) / "report.html"
+    path = page or Path(folder or run) / "report.html"
     write_run_file(path, render_report(gather(run, folder)).encode())
     return path
 
 
 def render_report(findings: Findings) -> str:
     """Make the page. The same findings give the same text."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("mvtn_cli.core.reporting", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    for name in ("percent", "span", "degrees", "number", "count", "duration"):
-        environment.filters[name] = getattr(words, name)
-    return environment.get_template("report.html.jinja").render(
+    return template("report.html.jinja").render(
         name=findings.name,
         result=findings.result,
         run=findings.run,

@@ -1,9 +1,12 @@
-// Tables sort by a click on their heads, pictures grow. Without this script the page says the same.
+// Tables sort by a click on their heads, pictures grow, paper is light. Without this script the page says the same.
 (() => {
   "use strict";
 
+  addEventListener("beforeprint", () => document.documentElement.classList.add("printing"));
+  addEventListener("afterprint", () => document.documentElement.classList.remove("printing"));
+
   function value(row, column) {
-    const text = row.cells[column].textContent.trim();
+    const cell = row.cells[column], text = cell.dataset.value ?? cell.textContent.trim();
     const number = parseFloat(text.replace(/[\u202f\s]/g, "").replace("−", "-"));
     return [text, Number.isNaN(number) ? null : number];
   }

@@ -346,8 +346,8 @@
   if (started) started.onchange = draw;
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
   new ResizeObserver(draw).observe(canvas);
-  addEventListener("beforeprint", () => { document.documentElement.classList.add("printing"); draw(); });
-  addEventListener("afterprint", () => { document.documentElement.classList.remove("printing"); draw(); });
+  addEventListener("beforeprint", draw); // page.js has made the page light
+  addEventListener("afterprint", draw);
   choice.value = "0"; // a browser may remember another one
   listCameras();
   draw();
