@@ -116,13 +116,7 @@ class TrainConfig(LayoutConfig, PictureConfig, NetworkConfig, RunsConfig, Machin
     epochs: int = option(30, "Passes over the training shapes", "Training", ge=1, le=100_000)
     batch_size: int = option(32, "Shapes a step", "Training", ge=1, le=4096)
     lr: float = option(3e-3, "Highest learning rate of the classifier", "Training", gt=0, le=10)
-    views_lr: float | None = option(
-        None,
-        "Highest learning rate of the viewpoint network; auto: 5e-4 for learned-direct, 2e-3 for offset views",
-        "Training",
-        ge=0,
-        le=10,
-    )
+    views_lr: float = option(5e-4, "Highest learning rate of the viewpoint network", "Training", ge=0, le=10)
     weight_decay: float = option(0.01, "Of AdamW", "Training", ge=0, le=10)
     clip: float = option(30.0, "Largest gradient norm of the viewpoint network in a step", "Training", gt=0)
     label_smoothing: float = option(0.0, "Share of the target given to all classes", "Training", ge=0, lt=1)

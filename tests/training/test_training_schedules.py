@@ -7,9 +7,7 @@ import torch
 from torch.optim import SGD
 from torch.optim.lr_scheduler import OneCycleLR
 
-from mvtn_cli.config import TrainConfig
-from mvtn_cli.core.networks.recogniser import build_recogniser
-from mvtn_cli.core.training import learner, schedules
+from mvtn_cli.core.training import schedules
 from mvtn_cli.core.training.learner import CLASSIFIER, VIEWPOINTS
 
 
@@ -69,19 +67,3 @@ def test_each_group_gets_its_own_peak_times_the_share_of_its_network(settings):
         [2 * share, 0.2 * share, 1.5]
     )
     assert explore == pytest.approx(0)
-
-
-@pytest.mark.parametrize(
-    ("selection", "asked", "rate"),
-    [
-        ("learned-direct", None, 5e-4),
-        ("learned-spherical", None, 2e-3),
-        ("learned-random", None, 2e-3),
-        ("learned-spherical", 1e-4, 1e-4),
-        ("learned-direct", 0.0, 0.0),
-    ],
-)
-def test_views_that_start_from_a_layout_learn_faster(selection, asked, rate):
-    config = TrainConfig(views=selection, views_lr=asked)
-    optimisers = learner.build_optimisers(build_recogniser(config, 3), config)
-    assert [group["peak"] for group in optimisers[learner.VIEWPOINTS].param_groups] == [rate]

@@ -11,7 +11,6 @@ from mvtn_cli.core.networks.recogniser import Recogniser
 from mvtn_cli.core.render import Look, ShapeBatch
 
 CLASSIFIER, VIEWPOINTS = "classifier", "viewpoint network"
-DIRECT_VIEWS_LR, OFFSET_VIEWS_LR = 5e-4, 2e-3
 
 
 class Learner(nn.Module):
@@ -32,22 +31,6 @@ class Learner(nn.Module):
         return loss, output.logits.detach(), output.images.detach()
 
 
-def peak_views_lr(selection: str, asked: float | None) -> float:
-    """Highest learning rate of the viewpoint network.
-
-    Views that start from a layout begin with a last layer of zeros and reach 180°/M at most, so that a rate which is
-    right for views from nothing hardly moves them in a short training; the latter lose what they have found at a
-    higher one (docs/results.md).
-
-    Args:
-        selection: As in `--views`.
-        asked: `--views-lr`; None for the automatic value.
-    """
-    if asked is not None:
-        return asked
-    return DIRECT_VIEWS_LR if selection == "learned-direct" else OFFSET_VIEWS_LR
-
-
 def build_optimisers(model: Recogniser, config: TrainConfig) -> dict[str, Optimizer]:
     """AdamW for the classifier and, for learned views, AdamW for the viewpoint network.
 
@@ -61,7 +44,7 @@ def build_optimisers(model: Recogniser, config: TrainConfig) -> dict[str, Optimi
     ]
     optimisers: dict[str, Optimizer] = {CLASSIFIER: AdamW(groups, weight_decay=config.weight_decay)}
     if model.selector.learned:
-        views = [{"params": model.viewpoint_parameters(), "peak": peak_views_lr(config.views, config.views_lr)}]
+        views = [{"params": model.viewpoint_parameters(), "peak": config.views_lr}]
         optimisers[VIEWPOINTS] = AdamW(views, weight_decay=config.weight_decay)
     return optimisers
 
