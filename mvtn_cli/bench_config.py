@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from mvtn_cli.errors import UsageError
 from mvtn_cli.fields import Config, option, several
 
-What = Literal["gradient", "render", "pose", "image", "stiff", "skips", "retrieval", "complexity"]
+What = Literal["gradient", "render", "pose", "image", "stiff", "skips", "retrieval", "complexity", "growth"]
 WHATS: tuple[str, ...] = get_args(What)
 Names = Annotated[tuple[str, ...], BeforeValidator(several)]
 
@@ -22,6 +22,7 @@ def _split(value: Any) -> Any:
 
 
 NameLists = Annotated[tuple[str, ...], BeforeValidator(_split)]
+Sizes = Annotated[tuple[Annotated[int, Field(ge=25, le=1_000_000)], ...], BeforeValidator(several)]
 
 
 class BenchConfig(Config):
@@ -32,7 +33,8 @@ class BenchConfig(Config):
         "gradient: how right it is; render: what it costs beside ResNet-18; pose: whether it finds cameras again; "
         "image: how right pictures are; stiff: what breaks renderers; "
         "skips: what is left out, and what that saves; retrieval: time and memory of exact measures; "
-        "complexity: operations, weights, time and memory of whole networks",
+        "complexity: operations, weights, time and memory of whole networks; "
+        "growth: time and memory of whole commands on more and more shapes",
         "Data",
         argument=True,
     )
@@ -55,11 +57,19 @@ class BenchConfig(Config):
         (), "Presets to measure, for complexity; auto: MVCNN and View-GCN with learned views", "Measure",
         metavar="LIST", many=True,
     )  # fmt: skip
+    sizes: Sizes = option((), "Shapes, for growth; auto: 100,1000,10000", "Measure", metavar="LIST")
+    work: Path | None = option(
+        None, "Folder of growth, where the same command goes on; auto: ./growth", "Measure", metavar="DIR"
+    )
     seed: int = option(0, "Of loss weights, lights, colours and starts", "Measure", ge=0, le=2**32 - 1)
     csv: Path | None = option(None, "Also write the rows as CSV", "Answer", metavar="FILE")
     plot: Path | None = option(None, "Also plot error against time, .svg or .png", "Answer", metavar="FILE")
     threads: int | None = option(
-        None, "CPU threads; auto: all cores; render measures at 1 and at these, auto: 2", "Machine", ge=1, le=1024
+        None,
+        "CPU threads; auto: all cores; render measures at 1 and at these, auto: 2; growth with these, auto: 1",
+        "Machine",
+        ge=1,
+        le=1024,
     )
 
     @model_validator(mode="before")
@@ -86,6 +96,11 @@ class BenchConfig(Config):
             raise UsageError("the stiff set brings its own meshes", hint="leave --mesh out", code="bench.mesh")
         if self.what == "retrieval" and self.compare is None and self.meshes:
             raise UsageError("retrieval is measured with random numbers", hint="leave --mesh out", code="bench.mesh")
+        if self.what == "growth" and self.compare is None and self.meshes:
+            raise UsageError("growth is measured on built-in shapes", hint="leave --mesh out", code="bench.mesh")
+        wrong = "sizes" if self.sizes else "work" if self.work else None
+        if wrong and self.what != "growth":
+            raise UsageError(f"--{wrong} belongs to mvtn bench growth", hint=f"leave --{wrong} out", code="bench.sizes")
         sizes = [name for name in ("queries", "gallery", "dim") if getattr(self, name) is not None]
         if sizes and self.what != "retrieval":
             raise UsageError(

@@ -24,6 +24,7 @@ from mvtn_cli.robustness_config import RobustnessConfig
 from mvtn_cli.shared_config import (
     SELECTIONS,
     CachedConfig,
+    ClusterConfig,
     FilesConfig,
     LayoutConfig,
     MachineConfig,
@@ -37,7 +38,7 @@ from mvtn_cli.shared_config import (
 from mvtn_cli.sweep_config import VaryConfig
 
 
-class PreprocessConfig(ShapesConfig):
+class PreprocessConfig(ShapesConfig, ClusterConfig):
     """From files to stored shapes."""
 
     dataset: str | None = option(
@@ -171,6 +172,9 @@ class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
         metavar="LIST",
     )
     seeds: int = option(3, "Trainings of each selection in a comparison", "Compare", ge=2, le=100)
+    devices: int = option(
+        1, "Processes that train together, each on a GPU of its own or its share of the cores", "Machine", ge=1, le=1024
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -183,7 +187,8 @@ class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
 
     def training(self) -> TrainConfig:
         """The settings of one training, or those that all trainings of a comparison share."""
-        return TrainConfig.model_validate(self.model_dump(exclude={"compare", "seeds", "preset", "no_skip", "explain"}))
+        besides = {"compare", "seeds", "devices", "preset", "no_skip", "explain"}
+        return TrainConfig.model_validate(self.model_dump(exclude=besides))
 
     def selections(self) -> list[str]:
         """The view selections to compare, in full words; empty without `--compare`."""

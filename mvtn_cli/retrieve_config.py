@@ -9,12 +9,12 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from mvtn_cli.errors import UsageError
 from mvtn_cli.fields import option, several
-from mvtn_cli.shared_config import FilesConfig, MachineConfig, RunsConfig, SkipConfig
+from mvtn_cli.shared_config import ClusterConfig, FilesConfig, MachineConfig, RunsConfig, SkipConfig
 
 Cuts = Annotated[tuple[Annotated[int, Field(ge=1)], ...], BeforeValidator(several), Field(min_length=1, max_length=20)]
 
 
-class RetrieveConfig(FilesConfig, RunsConfig, MachineConfig, SkipConfig):
+class RetrieveConfig(FilesConfig, RunsConfig, MachineConfig, ClusterConfig, SkipConfig):
     """Finding shapes by shapes, and how good that is."""
 
     run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True)

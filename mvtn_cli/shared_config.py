@@ -39,6 +39,19 @@ class ShapesConfig(CachedConfig):
     workers: int | None = option(None, "Processes; auto: one a core", "Machine", ge=1, le=1024, short="-j")
 
 
+class ClusterConfig(Config):
+    """For commands whose work can go to many machines."""
+
+    scheduler: str | None = option(
+        None,
+        "Send the work to the Dask cluster of this scheduler, as tcp://host:8786 (needs the extra cluster)",
+        "Machine",
+        metavar="ADDRESS",
+        pattern=r"^(tcp|tls)://[^/\s]+:\d+$",
+        words="an address as tcp://host:8786",
+    )
+
+
 class MachineConfig(ShapesConfig):
     """Where and with what a command works."""
 

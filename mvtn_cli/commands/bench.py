@@ -33,6 +33,7 @@ COLUMNS = {  # what people are shown; --json and --csv have all
         *("network", "stage", "gflops", "paper_gflops", "parameters", "paper_parameters"),
         *("seconds", "paper_ms", "peak_mib"),
     ),
+    "growth": ("stage", "shapes", "cpu_seconds", "seconds", "peak_mib", "above_start", "ms_per_shape"),
     "stiff": ("code", "case", "drawn", "faces", "views", "non_finite", "seconds", "problem"),
 }
 
@@ -65,6 +66,8 @@ def bench(config: BenchConfig, call: Call) -> None:
         gallery=config.gallery,
         dim=config.dim,
         networks=config.networks or None,
+        sizes=config.sizes or None,
+        work=config.work,
     )
     for words in departures(config.what, plan):
         call.console.note(f"reduced: {words}")
@@ -115,14 +118,18 @@ def _show(what: str, answer: dict[str, Any], call: Call) -> None:
 
 def _write(config: BenchConfig, outcome: Outcome, call: Call) -> None:
     from mvtn_cli.core.bench import write_csv
+    from mvtn_cli.core.bench.growth_plot import draw_growth
     from mvtn_cli.core.bench.plot import draw_plot, points_of
 
     if config.csv is not None:
         write_csv(config.csv, outcome.rows)
         call.console.note(f"rows: {config.csv}")
     if config.plot is not None:
-        points, bands, error = points_of(config.what, outcome.rows)
-        draw_plot(config.plot, points, bands, error, f"mvtn bench {config.what}: error against run time")
+        if config.what == "growth":
+            draw_growth(config.plot, outcome.rows)
+        else:
+            points, bands, error = points_of(config.what, outcome.rows)
+            draw_plot(config.plot, points, bands, error, f"mvtn bench {config.what}: error against run time")
         call.console.note(f"plot: {config.plot}")
 
 
@@ -147,6 +154,7 @@ def command_words(config: BenchConfig) -> str:
         value = getattr(config, name)
         words += [f"--{name.replace('_', '-')}", str(value)] if value is not None else []
     words += ["--networks", ",".join(config.networks)] if config.networks else []
+    words += ["--sizes", ",".join(map(str, config.sizes))] if config.sizes else []
     words += ["--look", config.look] if config.look != "studio" else []
     return shlex.join([*words, "--seed", str(config.seed)])
 

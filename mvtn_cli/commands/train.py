@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mvtn_cli.commands.eval import measure
@@ -9,7 +12,8 @@ from mvtn_cli.commands.options import Call
 from mvtn_cli.commands.sources import open_shapes
 from mvtn_cli.config import TrainConfig, TrainOptions
 from mvtn_cli.console import duration
-from mvtn_cli.errors import DataError
+from mvtn_cli.core.training.launch import run_together, started_with_others
+from mvtn_cli.errors import DataError, ExitCode, MvtnError, UsageError
 
 if TYPE_CHECKING:
     from mvtn_cli.core.preprocess import Prepared
@@ -18,22 +22,79 @@ if TYPE_CHECKING:
 SCHEMA = "mvtn.train/1"
 
 
-def train(options: TrainOptions, call: Call) -> None:
+def train(options: TrainOptions, call: Call) -> ExitCode | None:
     """Train a multi-view classifier whose cameras learn where to stand, then measure it on the test shapes.
 
-    Ctrl-C saves; the same command goes on. --compare trains several view selections on one budget.
+    Ctrl-C saves; the same command goes on. --compare trains several view selections on one budget. With torchrun or
+    --devices several processes train together.
 
     Example: mvtn train builtin:shapes --num-views 4 --epochs 20
     """
     config = options.training()
     if call.dry_run:
-        return _plan(options, config, call)
+        _plan(options, config, call)
+        return None
+    together = started_with_others()
+    if options.compare and (together or options.devices > 1):
+        raise UsageError(
+            "--compare trains with one process",
+            hint="leave --devices out, or train each of the selections by itself: --views NAME --seed N",
+            code="train.one-process",
+        )
+    if together:
+        return _train_with_others(config, call)
     prepared = open_shapes(config.dataset, config, call)
+    if options.devices > 1:
+        return _start_processes(options.devices, prepared, call)
     if options.compare:
-        return _compare(options, config, prepared, call)
+        _compare(options, config, prepared, call)
+        return None
     from mvtn_cli.core.training.loop import train as train_run
 
-    run = train_run(config, prepared, call.console)
+    _answer(train_run(config, prepared, call.console), prepared, config, call)
+    return None
+
+
+def _start_processes(count: int, prepared: Prepared, call: Call) -> ExitCode:
+    """Let this command run in several processes; the first one answers."""
+    # What was chosen and prepared here need not be chosen and said again there.
+    code = run_together(count, sys.argv[1:], {"MVTN_DATASET": prepared.spec})
+    call.console.quiet = True  # what is left to say was said there
+    return code
+
+
+def _train_with_others(config: TrainConfig, call: Call) -> ExitCode | None:
+    """Train as one of several processes; the first one speaks, measures and answers."""
+    os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")  # before torch is there: its warnings come once a process
+    from mvtn_cli.core.training.device import use_threads
+    from mvtn_cli.core.training.loop import train as train_run
+    from mvtn_cli.core.training.team import Team, silent_console
+
+    team = Team.join(config.device)
+    if not team.first:
+        call.console.quiet = True
+        call = replace(call, console=silent_console())
+    try:
+        with team.watched():
+            prepared = team.in_turn(lambda: open_shapes(config.dataset, config, call))
+        run = train_run(config, prepared, call.console)
+    except MvtnError as error:
+        if team.is_told_elsewhere(error):
+            return error.exit_code
+        raise
+    except KeyboardInterrupt:
+        if not team.first:
+            return ExitCode.INTERRUPTED
+        raise
+    if not team.first:
+        return ExitCode.OK
+    use_threads(config.threads or team.cores)  # the others leave now
+    _answer(run, prepared, config, call)
+    return None
+
+
+def _answer(run: Run, prepared: Prepared, config: TrainConfig, call: Call) -> None:
+    """Measure a finished run and say what there is now."""
     result = _measure_if_possible(run, prepared, config, call)
     document: dict[str, Any] = {
         "schema": SCHEMA,
@@ -51,7 +112,6 @@ def train(options: TrainOptions, call: Call) -> None:
     call.console.result(document, "\n".join(lines))
     then = f"open {result['report']}, or mvtn predict FILES" if result else "mvtn predict FILES"
     call.console.note(f"trained {run.path} in {duration(call.seconds)}; next: {then}")
-    return None
 
 
 def _measure_if_possible(run: Run, prepared: Prepared, config: TrainConfig, call: Call) -> dict[str, Any] | None:

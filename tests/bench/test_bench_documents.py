@@ -61,7 +61,7 @@ def test_a_quick_plan_says_all_that_it_reduces_and_the_full_one_nothing():
         assert departures(what, plan_for(what)) == []
         assert len(departures(what, plan_for(what, quick=True))) == len(changes)
     assert departures("pose", plan_for("pose", image_size=32)) == ["pixels along each side: 32 (full: 224)"]
-    assert set(WORDS) | {"look", "seed"} == set(Plan.__dataclass_fields__)
+    assert set(WORDS) | {"look", "seed", "work"} == set(Plan.__dataclass_fields__)
 
 
 def test_csv_has_one_header_and_empty_cells_for_what_is_missing(tmp_path):

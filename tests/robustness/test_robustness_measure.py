@@ -17,7 +17,7 @@ from mvtn_cli.core.evaluation.evaluate import evaluate_run
 from mvtn_cli.core.networks.recogniser import build_recogniser
 from mvtn_cli.core.render import Look, pack
 from mvtn_cli.core.render.tally import tally
-from mvtn_cli.core.robustness import CorruptedShapes, Corruption, measure
+from mvtn_cli.core.robustness import CorruptedShapes, Corruption, evaluating, measure
 from mvtn_cli.core.robustness.cells import FILE, read_cells
 from mvtn_cli.core.robustness.files import document_of, write_files
 from mvtn_cli.core.robustness.plan import plan_of
@@ -206,7 +206,7 @@ def evaluations(monkeypatch: pytest.MonkeyPatch) -> list[Corruption]:
         done.append(shapes.corruption)
         return found
 
-    monkeypatch.setattr(measure, "predict", counting)
+    monkeypatch.setattr(evaluating, "predict", counting)
     return done
 
 
@@ -224,19 +224,19 @@ def test_what_is_finished_is_not_done_again(make_run, evaluations):
 @pytest.mark.parametrize("damage", [b"", b'{"key": "abc", "kin', b"\xff\x00\n", b"[]\n", b"\n"])
 def test_a_kill_costs_the_evaluation_that_it_came_into(make_run, evaluations, monkeypatch, damage: bytes):
     run, toy = make_run(Toy()), Toy()
-    counting = measure.predict
+    counting = evaluating.predict
 
     def interrupted(*words: Any, **options: Any) -> Any:
         if len(evaluations) == 3:
             raise KeyboardInterrupt
         return counting(*words, **options)
 
-    monkeypatch.setattr(measure, "predict", interrupted)
+    monkeypatch.setattr(evaluating, "predict", interrupted)
     with pytest.raises(KeyboardInterrupt):
         document([run], toy, config_of(rotate=[90, 180]))
     with (run.path / FILE).open("ab") as file:
         file.write(damage)
-    monkeypatch.setattr(measure, "predict", counting)
+    monkeypatch.setattr(evaluating, "predict", counting)
     gone_on = document([run], toy, config_of(rotate=[90, 180]))
     assert [(one.strength, one.repeat) for one in evaluations] == [(0, 0), (90, 0), (90, 1), (180, 0), (180, 1)]
     assert len(read_cells(run.path)) == 5

@@ -114,7 +114,7 @@ def test_a_second_run_and_its_evaluation_rasterise_nothing(settings, stored_boxe
 
 def test_colours_and_lights_vary_from_epoch_to_epoch(settings, stored_boxes, quiet, monkeypatch):
     pictures: list[torch.Tensor] = []
-    monkeypatch.setattr(loop.watch, "check_something_is_seen", lambda images: None)
+    monkeypatch.setattr(loop.watch, "check_something_is_seen", lambda images, mean: None)
     real = loop.learner.Learner.forward
 
     def forward(self: Any, *args: Any) -> Any:

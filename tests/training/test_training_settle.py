@@ -30,7 +30,7 @@ def test_settled_statistics_are_those_of_evaluation_pictures(settings, boxes):
     chosen = shapes.split("train")
     settle_batch_norm(model, shapes, chosen, config)
     batch, kind = load_batch(shapes, chosen, config.render)
-    first = norms(model)[0]
+    first = norms(model.network)[0]
     seen: list[torch.Tensor] = []
     hook = first.register_forward_pre_hook(lambda _, inputs: seen.append(inputs[0]))
     with torch.no_grad():
@@ -56,7 +56,7 @@ def test_a_frozen_backbone_keeps_its_statistics(settings, boxes):
     config, shapes = settings(freeze_backbone=True), boxes
     model = spoilt(config, shapes)
     settle_batch_norm(model, shapes, shapes.split("train"), config)
-    assert all((layer.running_mean == 3.0).all() for layer in norms(model))
+    assert all((layer.running_mean == 3.0).all() for layer in norms(model.network.backbone))
 
 
 def test_the_training_loop_settles_before_it_judges(settings, boxes, quiet, monkeypatch):

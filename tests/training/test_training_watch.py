@@ -89,10 +89,10 @@ def test_what_is_not_finite_is_named_by_its_network():
     optimisers = {name: torch.optim.SGD([weight], lr=1.0) for name, weight in weights.items()}
     for weight in weights.values():
         weight.grad = torch.ones(3)
-    assert watch.not_finite(torch.tensor(1.0), optimisers) is None
+    assert watch.not_finite(1.0, optimisers) is None
     weights["viewpoint network"].grad[1] = math.inf
-    assert watch.not_finite(torch.tensor(1.0), optimisers) == "the gradient of the viewpoint network"
-    assert watch.not_finite(torch.tensor(math.nan), optimisers) == "the loss"
+    assert watch.not_finite(1.0, optimisers) == "the gradient of the viewpoint network"
+    assert watch.not_finite(math.nan, optimisers) == "the loss"
 
 
 def test_weights_and_states_come_back_as_they_were(tmp_path):

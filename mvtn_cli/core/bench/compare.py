@@ -22,6 +22,7 @@ KEYS = {
     "skips": ("mesh", "skip"),
     "retrieval": ("what", "queries", "gallery", "dim"),
     "complexity": ("network", "stage"),
+    "growth": ("stage", "shapes"),
 }
 FIGURES = {
     "gradient": ("cosine", "l2", "seconds"),
@@ -32,6 +33,7 @@ FIGURES = {
     "skips": ("share", "seconds", "ratio"),
     "retrieval": ("seconds", "peak_mib"),
     "complexity": ("gflops", "parameters", "seconds", "peak_mib"),
+    "growth": ("cpu_seconds", "seconds", "peak_mib"),
 }
 
 

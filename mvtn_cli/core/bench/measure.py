@@ -8,6 +8,7 @@ from mvtn_cli.console import Console
 from mvtn_cli.core.bench.complexity import measure_complexity
 from mvtn_cli.core.bench.cost import measure_cost
 from mvtn_cli.core.bench.gradient import measure_gradient
+from mvtn_cli.core.bench.growth import measure_growth
 from mvtn_cli.core.bench.image import measure_image
 from mvtn_cli.core.bench.outcome import Outcome
 from mvtn_cli.core.bench.plan import Plan
@@ -25,7 +26,7 @@ def measure(
     """Measure one thing.
 
     Args:
-        what: "gradient", "render", "pose", "image", "stiff", "skips", "retrieval" or "complexity".
+        what: "gradient", "render", "pose", "image", "stiff", "skips", "retrieval", "complexity" or "growth".
         meshes: What the user named; the built-in ones where there are none.
         plan: Sizes.
         console: For progress.
@@ -37,6 +38,8 @@ def measure(
     compile_renderer(console)
     if what == "retrieval":
         return measure_retrieval(console, queries=plan.queries, gallery=plan.gallery, dim=plan.dim, seed=plan.seed)
+    if what == "growth":
+        return measure_growth(plan, console, threads=threads)
     subjects = list(meshes) or builtin_subjects(plan.default_meshes)
     match what:
         case "gradient":

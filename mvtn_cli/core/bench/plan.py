@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 FULL_SIZE, FULL_VIEWS = 224, 12  # what all published figures of this project are about
@@ -46,6 +47,7 @@ class Plan:
         stiff_size: Pixels along each side in the stiff set, the million faces apart.
         queries, gallery, dim: Of retrieval; those of ShapeNet Core55 after LFDA.
         networks: Presets, of complexity.
+        sizes, work: Of growth: how many shapes, and the folder for them and for what is finished.
     """
 
     image_size: int = FULL_SIZE
@@ -64,6 +66,8 @@ class Plan:
     gallery: int = 35_764
     dim: int = 128
     networks: tuple[str, ...] = ("modelnet40-mvtn-mvcnn-12", "modelnet40-mvtn-viewgcn-12")
+    sizes: tuple[int, ...] = (100, 1000, 10_000)
+    work: Path = Path("growth")
 
 
 WORDS = {  # what people call the sizes, and which benchmarks they belong to
@@ -81,7 +85,9 @@ WORDS = {  # what people call the sizes, and which benchmarks they belong to
     "gallery": ("shapes that are searched", "retrieval"),
     "dim": ("numbers in a descriptor", "retrieval"),
     "networks": ("networks", "complexity"),
+    "sizes": ("shapes", "growth"),
 }
+SMALL: dict[str, dict[str, Any]] = {"growth": {"image_size": 32, "num_views": 4}}  # full benchmarks of small pictures
 QUICK: dict[str, dict[str, Any]] = {
     "gradient": {
         "num_views": 4,
@@ -97,6 +103,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "skips": {"num_views": 4, "default_meshes": 1, "repeats": 3},
     "retrieval": {"queries": 2000},
     "complexity": {"repeats": 3},
+    "growth": {"sizes": (60, 120)},
 }
 
 
@@ -108,13 +115,13 @@ def plan_for(
     num_views: int | None = None,
     look: str = "studio",
     seed: int = 0,
-    **sizes: int | tuple[str, ...] | None,
+    **sizes: Any,
 ) -> Plan:
     """The plan of a benchmark: the full one, or a quick one, with the user's changes.
 
     `sizes` are further fields of the plan; None leaves one as it is.
     """
-    plan = replace(Plan(look=look, seed=seed), **(QUICK[what] if quick else {}))
+    plan = replace(Plan(look=look, seed=seed), **SMALL.get(what, {}), **(QUICK[what] if quick else {}))
     if image_size is not None:
         plan = replace(plan, image_size=image_size, stiff_size=image_size)
     if num_views is not None:

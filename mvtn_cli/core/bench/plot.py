@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SUFFIXES = (".svg", ".png")
-PLOTTED = ("gradient", "image", "pose")
+PLOTTED = ("gradient", "image", "pose")  # error against time; growth has a plot of its own
 MARKERS = "osD^vP*X<>"
 COLORS = ("#1f6fb4", "#d1652b", "#2e8b57", "#8b4aa8", "#8a6d3b", "#777777")
 
@@ -46,10 +46,10 @@ def check_plot(what: str, path: Path) -> None:
     Raises:
         UsageError: This benchmark has no error to plot, or the file is neither SVG nor PNG.
     """
-    if what not in PLOTTED:
+    if what not in (*PLOTTED, "growth"):
         raise UsageError(
             f"`bench {what}` measures no error that could be plotted against time",
-            hint=f"--plot goes with: {', '.join(PLOTTED)}",
+            hint=f"--plot goes with: {', '.join(PLOTTED)}, growth",
             code="bench.plot",
         )
     if path.suffix.lower() not in SUFFIXES:

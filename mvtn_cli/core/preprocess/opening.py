@@ -37,7 +37,8 @@ def open_prepared(spec: str | None, config: Any, console: Console, *, settings: 
 
     Args:
         spec: As for `open_dataset`; None is what was preprocessed last in this folder, else `builtin:shapes`.
-        config: Any command's config; its `cache` and `workers` hold, and the settings of a preprocess config.
+        config: Any command's config; its `cache`, `workers` and `scheduler` hold, and the settings of a preprocess
+            config.
         console: For what was chosen, progress and warnings.
         settings: How to preprocess. By default as `config` says, else as this data set was preprocessed
             last in this folder, else as `mvtn preprocess` would.
@@ -48,8 +49,8 @@ def open_prepared(spec: str | None, config: Any, console: Console, *, settings: 
     store = Store(cache_root(getattr(config, "cache", None)))
     dataset = open_dataset(choose_dataset(spec, config, console))
     settings = settings or _settings(store, dataset.spec, config)
-    workers = getattr(config, "workers", None)
-    prepared, summary = prepare(dataset, settings, store, console, workers=workers)
+    workers, scheduler = getattr(config, "workers", None), getattr(config, "scheduler", None)
+    prepared, summary = prepare(dataset, settings, store, console, workers=workers, scheduler=scheduler)
     if summary.made:
         console.note(f"preprocessed {dataset.spec}: {summary.headline()}")
     if summary.rejected and summary.kept:

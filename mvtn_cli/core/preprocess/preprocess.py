@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import closing
 from functools import partial
 
 from mvtn_cli.config import PreprocessConfig
@@ -11,7 +12,7 @@ from mvtn_cli.console import Console
 from mvtn_cli.core.datasets import Dataset, Item
 from mvtn_cli.core.preprocess.last import remember_last
 from mvtn_cli.core.preprocess.making import Outcome, make_all
-from mvtn_cli.core.preprocess.mapping import Numbered, map_items, worker_count
+from mvtn_cli.core.preprocess.mapping import Numbered, Spread, spread_of
 from mvtn_cli.core.preprocess.memory import Memory
 from mvtn_cli.core.preprocess.prepared import Prepared, Record
 from mvtn_cli.core.preprocess.settings import Settings
@@ -31,7 +32,7 @@ def preprocess(dataset: Dataset, config: PreprocessConfig, console: Console) -> 
         MvtnError: The store can't be written.
     """
     store, settings = Store(cache_root(config.cache)), Settings.of(config)
-    prepared, summary = prepare(dataset, settings, store, console, workers=config.workers)
+    prepared, summary = prepare(dataset, settings, store, console, workers=config.workers, scheduler=config.scheduler)
     remember_last(store, dataset.spec, settings)
     console.note(summary.headline())
     return prepared, summary
@@ -44,6 +45,7 @@ def prepare(
     console: Console,
     *,
     workers: int | None = None,
+    scheduler: str | None = None,
     remember: bool = True,
 ) -> tuple[Prepared, Summary]:
     """Like `preprocess`, without words about the result.
@@ -54,14 +56,16 @@ def prepare(
         store: Where to.
         console: For progress and warnings.
         workers: Processes; None is one a core.
+        scheduler: Of a Dask cluster that does the work instead, as `tcp://host:8786`.
         remember: Keep an index of the data set, so that the next run need not open its files.
     """
     start = time.perf_counter()
     memory = Memory(store, dataset, settings) if remember else None
+    spread: Spread[Outcome] = spread_of(workers, scheduler, store.root, console)
     done: dict[int, Outcome] = {}
     try:
         _recall(dataset, memory, done)
-        _make_missing(dataset, settings, store, console, worker_count(workers), memory, done)
+        _make_missing(dataset, settings, store, console, spread, memory, done)
     except KeyboardInterrupt:
         raise Interrupted(
             f"{len(done)} of {len(dataset.items)} shapes are done", hint="the same command goes on from there"
@@ -88,7 +92,7 @@ def _make_missing(
     settings: Settings,
     store: Store,
     console: Console,
-    workers: int,
+    spread: Spread[Outcome],
     memory: Memory | None,
     done: dict[int, Outcome],
 ) -> None:
@@ -98,8 +102,9 @@ def _make_missing(
     if memory is not None:
         for path in {item.path for _, item in todo if item.path is not None}:
             memory.stamp(path)  # before its content is read, so that a change in between is seen next time
-    with console.progress("preprocess", total=len(todo)) as ticker:
-        for outcomes in map_items(partial(make_all, store, settings=settings), todo, workers):
+    batches = spread(partial(make_all, store, settings=settings), todo)
+    with console.progress("preprocess", total=len(todo)) as ticker, closing(batches):
+        for outcomes in batches:
             for index, outcome in outcomes:
                 done[index] = outcome
                 if memory is not None:

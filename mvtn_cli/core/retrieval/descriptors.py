@@ -2,31 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mvtn_cli import __version__
 from mvtn_cli.console import Console, dumps
+from mvtn_cli.core.preprocess import Part
 from mvtn_cli.core.render.tally import tally
+from mvtn_cli.core.retrieval.describing import Arrays, compute, read_descriptors, write_descriptors
+from mvtn_cli.core.retrieval.many_machines import Manner, describe_on_cluster
 from mvtn_cli.core.store import Store, digest
-from mvtn_cli.core.store.atomic import write_bytes
-from mvtn_cli.core.store.shape_file import DamagedFile
-from mvtn_cli.core.store.views_file import decode, encode
-from mvtn_cli.core.training.run import NOT_SETTINGS
+from mvtn_cli.core.training.run import NOT_SETTINGS, Run
 from mvtn_cli.errors import DataError
 
 if TYPE_CHECKING:
     from mvtn_cli.core.networks.recogniser import Recogniser
     from mvtn_cli.core.preprocess import Prepared
-    from mvtn_cli.core.training.run import Run
 
 CHUNK = 128  # shapes whose descriptors are kept in one file: what an interruption can cost
-Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -54,6 +53,8 @@ class Describer:
         seed: Of random views.
         store: Where descriptors are kept.
         console: For progress.
+        scheduler: Of a Dask cluster that does the work, as `tcp://host:8786`.
+        threads, no_skip: Of each worker there, as `--threads` and `--no-skip`; here they hold already.
         computed: How many shapes were not found in the store so far.
     """
 
@@ -64,6 +65,9 @@ class Describer:
     seed: int
     store: Store
     console: Console
+    scheduler: str | None = None
+    threads: int | None = None
+    no_skip: tuple[str, ...] = ()
     computed: int = 0
 
     def describe(self, prepared: Prepared, indices: Sequence[int]) -> Described:
@@ -78,35 +82,42 @@ class Describer:
         if not len(indices):
             raise DataError("no shapes to describe", code="dataset.empty-split")
         chunks = [list(indices[begin : begin + CHUNK]) for begin in range(0, len(indices), CHUNK)]
-        parts = []
+        addresses = [digest(self._settings, *(prepared.records[i].address for i in chunk)) for chunk in chunks]
+        parts: dict[str, Arrays] = {}
         with self.console.progress("describing", len(indices)) as ticker:
-            for chunk in chunks:
-                parts.append(self._chunk(prepared, chunk))
-                ticker.advance(len(chunk))
-        return Described(*(np.concatenate([part[name] for part in parts]) for name in ("descriptors", "predicted")))
+            missing: dict[str, list[int]] = {}
+            for address, chunk in zip(addresses, chunks, strict=True):
+                known = read_descriptors(self.store, address)
+                tally().count("eval-cache", len(chunk) if known else 0, len(chunk))
+                if known is None:
+                    missing[address] = chunk
+                else:
+                    parts[address] = known
+                    ticker.advance(len(chunk))
+            with closing(self._describe_all(prepared, missing)) as described:
+                for address, arrays in described:
+                    parts[address] = arrays
+                    self.computed += len(missing[address])
+                    ticker.advance(len(missing[address]))
+        names = ("descriptors", "predicted")
+        return Described(*(np.concatenate([parts[address][name] for address in addresses]) for name in names))
 
-    def _chunk(self, prepared: Prepared, chunk: list[int]) -> Arrays:
-        address = digest(self._settings, *(prepared.records[i].address for i in chunk))
-        path = self.store.root / "descriptors" / address[:2] / f"{address}.npz"
-        try:
-            known = decode(address, path.read_bytes())
-            tally().count("eval-cache", len(chunk), len(chunk))
-            return known
-        except (OSError, DamagedFile):
-            tally().count("eval-cache", 0, len(chunk))
-            arrays = self._compute(prepared, chunk)
-            write_bytes(path, encode(address, arrays), durable=False)
-            return arrays
-
-    def _compute(self, prepared: Prepared, chunk: list[int]) -> Arrays:
-        from mvtn_cli.core.training.fixed_views import with_kept_views
-        from mvtn_cli.core.training.predict import predict
-
-        settings = self.run.config.model_copy(update={"seed": self.seed})
-        shapes = with_kept_views(prepared, settings, self.console)
-        found = predict(self._model, shapes, chunk, settings, batch_size=self.batch_size)
-        self.computed += len(chunk)
-        return {"descriptors": found.descriptors, "predicted": found.logits.argmax(axis=1).astype(np.int64)}
+    def _describe_all(
+        self, prepared: Prepared, chunks: Mapping[str, list[int]]
+    ) -> Generator[tuple[str, Arrays], None, None]:
+        """Describe chunks, by address, and store them: on the cluster, if it is worth the way there, else here."""
+        if self.scheduler is None or len(chunks) < 2:
+            for address, chunk in chunks.items():
+                arrays = compute(self._model, self.run, prepared, chunk, self.batch_size, self.seed, self.console)
+                write_descriptors(self.store, address, arrays)
+                yield address, arrays
+            return
+        there = Manner(
+            Run(self.run.path.absolute()), self.checkpoint, self.device, self.batch_size, self.seed,
+            self.threads, self.no_skip,
+        )  # fmt: skip
+        parts = {address: Part.of(prepared, chunk) for address, chunk in chunks.items()}
+        yield from describe_on_cluster(there, parts, self.scheduler, self.store, self.console)
 
     @cached_property
     def _model(self) -> Recogniser:

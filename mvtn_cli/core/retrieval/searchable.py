@@ -61,7 +61,10 @@ def open_searchable(run: Run, prepared: Prepared, config: RetrieveConfig, consol
     """
     check_classes(run, prepared)
     store = Store(cache_root(config.cache))
-    describer = Describer(run, config.checkpoint, config.device, config.batch_size, config.seed, store, console)
+    describer = Describer(
+        run, config.checkpoint, config.device, config.batch_size, config.seed, store, console,
+        config.scheduler, config.threads, config.no_skip,
+    )  # fmt: skip
     indices = limited(prepared, labelled(prepared, "train"), config.gallery_limit, config.seed)
     described = describer.describe(prepared, indices)
     labels = labels_of(prepared, indices)

@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from mvtn_cli import __version__
-from mvtn_cli.console import Console, Ticker
-from mvtn_cli.core.evaluation.classification import metrics
+from mvtn_cli.console import Console
 from mvtn_cli.core.render.skips import active_skips
 from mvtn_cli.core.render.view_keeper import seeing_version
 from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.robustness.cells import Cell, append_cell, read_cells
 from mvtn_cli.core.robustness.corruption import Corruption
-from mvtn_cli.core.robustness.served import CorruptedShapes
+from mvtn_cli.core.robustness.evaluating import evaluate_here
+from mvtn_cli.core.robustness.many_machines import evaluate_on_cluster
 from mvtn_cli.core.store import digest
-from mvtn_cli.core.training.predict import load_model, predict
 from mvtn_cli.core.training.run import NOT_SETTINGS, Run
 from mvtn_cli.core.training.split import stratified_subset
 from mvtn_cli.errors import DataError, UsageError
 from mvtn_cli.robustness_config import RobustnessConfig
-
-if TYPE_CHECKING:
-    from mvtn_cli.core.networks.recogniser import Recogniser
 
 FORMAT = "1"  # of what is measured; another one measures everything anew
 
@@ -112,17 +106,15 @@ def measure(
         prepared: Its shapes.
         indices: Which of them.
         plan: What is done to them.
-        config: Checkpoint, device, batch size and seed.
+        config: Checkpoint, device, batch size and seed; `scheduler` sends the evaluations to a cluster.
         console: For progress.
 
     Raises:
         DataError: A run has no such weights.
     """
-    compile_renderer(console)
-    measured = []
-    for run in runs:
-        measured.append(_measure_run(run, prepared, indices, plan, config, console))
-    return measured
+    if config.scheduler is None:
+        compile_renderer(console)
+    return [_measure_run(run, prepared, indices, plan, config, console) for run in runs]
 
 
 def _measure_run(
@@ -133,68 +125,21 @@ def _measure_run(
     config: RobustnessConfig,
     console: Console,
 ) -> Measured:
-    model = load_model(run, config.checkpoint, config.device)
     common = _common_key(run, prepared, indices, config)
     keys = [digest(common, json.dumps(corruption.as_dict(), sort_keys=True)) for corruption in plan]
     finished = read_cells(run.path)
-    missing = [(key, corruption) for key, corruption in zip(keys, plan, strict=True) if key not in finished]
+    missing = {key: corruption for key, corruption in zip(keys, plan, strict=True) if key not in finished}
     if len(missing) < len(plan):
         console.note(f"{run.path}: {len(plan) - len(missing)} of {len(plan)} evaluations were finished before")
-    with console.progress(f"{run.name}", len(missing) * len(indices)) as ticker:
-        for key, corruption in missing:
-            ticker.note(words_of(corruption))
-            cell = _evaluate(run, model, prepared, indices, corruption, config, ticker)
+    evaluate_all = evaluate_here if config.scheduler is None else evaluate_on_cluster
+    with (
+        console.progress(f"{run.name}", len(missing) * len(indices)) as ticker,
+        closing(evaluate_all(run, prepared, indices, missing, config, console, ticker)) as cells,
+    ):
+        for key, cell in cells:
             finished[key] = {"key": key, **cell}
             append_cell(run.path, finished[key])
     return Measured(run, [finished[key] for key in keys])
-
-
-def words_of(corruption: Corruption) -> str:
-    """Say a corruption, as `occlude 0.5 +x`."""
-    strength = "" if corruption.kind in ("clean", "so3") else f" {corruption.strength:g}"
-    variant = "" if corruption.kind in ("clean", "scale") else f" {corruption.variant}"
-    return f"{corruption.kind}{strength}{variant}"
-
-
-def _evaluate(
-    run: Run,
-    model: Recogniser,
-    prepared: Any,
-    indices: Sequence[int],
-    corruption: Corruption,
-    config: RobustnessConfig,
-    ticker: Ticker,
-) -> Cell:
-    begun = time.monotonic()
-    shapes = CorruptedShapes(prepared, corruption, capacity=config.batch_size + 1)
-    settings = run.config.model_copy(update={"seed": config.seed})  # of random views
-    each_batch, rest = _counting(ticker, config.batch_size, len(indices))
-    found = predict(model, shapes, indices, settings, batch_size=config.batch_size, each_batch=each_batch)
-    rest()
-    judged = metrics(found.labels, found.logits, run.classes)
-    finite = np.isfinite(found.logits).all(axis=1)
-    return {
-        **corruption.as_dict(),
-        "variant": corruption.variant,
-        **{name: judged[name] for name in ("count", "correct", "not_finite", "accuracy", "class_accuracy")},
-        "points_left": _mean(shapes.points_left),
-        "area_left": _mean(shapes.area_left),
-        "predicted": np.where(finite, found.logits.argmax(axis=1), -1).tolist(),
-        "seconds": time.monotonic() - begun,
-    }
-
-
-def _counting(ticker: Ticker, batch_size: int, total: int) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Count shapes of an evaluation: one function for the begin of each batch, and one for its end."""
-    batches = counted = 0
-
-    def each_batch() -> None:
-        nonlocal batches, counted
-        step = min(batch_size, total - counted) if batches else 0
-        batches, counted = batches + 1, counted + step
-        ticker.advance(step)
-
-    return each_batch, lambda: ticker.advance(total - counted)
 
 
 def _common_key(run: Run, prepared: Any, indices: Sequence[int], config: RobustnessConfig) -> str:
@@ -204,10 +149,4 @@ def _common_key(run: Run, prepared: Any, indices: Sequence[int], config: Robustn
     parts += [",".join(map(str, indices)), settings.model_dump_json(exclude=set(NOT_SETTINGS))]
     if settings.views == "random":
         parts += [str(config.seed), str(config.batch_size)]
-    return digest(*parts, run.weights_path(config.checkpoint).read_bytes())
-
-
-def _mean(shares: dict[int, float]) -> float:
-    """Mean over shapes that have the thing at all; NaN for none."""
-    known = np.array([share for share in shares.values() if np.isfinite(share)])
-    return float(known.mean()) if known.size else float("nan")
+    return digest(*parts, run.require_weights(config.checkpoint).read_bytes())

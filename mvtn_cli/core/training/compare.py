@@ -15,7 +15,7 @@ from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import build_recogniser
 from mvtn_cli.core.training.checkpoint import write_json
 from mvtn_cli.core.training.find import dataset_word
-from mvtn_cli.core.training.group import check_can_be_tested, free_group, predict_test, train_one
+from mvtn_cli.core.training.group import check_can_be_tested, check_one_process, free_group, predict_test, train_one
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.errors import UsageError, choose_error
 
@@ -53,6 +53,7 @@ def compare(
         UsageError: An unknown selection.
         DataError: There is nothing to test on.
     """
+    check_one_process("a comparison")
     names = [full_selection(name, config.layout) for name in selections]
     numbers = range(config.seed, config.seed + seeds)
     plan = {(name, seed): _settings_of_one(config, name, seed) for seed in numbers for name in names}

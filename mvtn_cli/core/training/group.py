@@ -10,10 +10,11 @@ from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.training.find import candidates, readable_differences
 from mvtn_cli.core.training.fixed_views import with_kept_views
+from mvtn_cli.core.training.launch import started_with_others
 from mvtn_cli.core.training.loop import train
 from mvtn_cli.core.training.predict import Predictions, load_model, predict
 from mvtn_cli.core.training.run import Run
-from mvtn_cli.errors import DataError, Interrupted
+from mvtn_cli.errors import DataError, Interrupted, UsageError
 
 
 def free_group(runs: Path, name: str, plan: Mapping[str, TrainConfig], prepared: Any) -> str:
@@ -43,6 +44,20 @@ def train_one(config: TrainConfig, name: str, prepared: Any, console: Console) -
     except Interrupted as error:
         error.hint = "go on with the same command: finished runs are not repeated"
         raise
+
+
+def check_one_process(what: str) -> None:
+    """Refuse to train a group with several processes: each of them would do all of the rest.
+
+    Raises:
+        UsageError: This process is one of several.
+    """
+    if started_with_others():
+        raise UsageError(
+            f"{what} trains with one process",
+            hint="start it without torchrun and --devices, or train one run after another with them",
+            code="train.one-process",
+        )
 
 
 def check_can_be_tested(prepared: Any) -> None:

@@ -17,6 +17,7 @@ from mvtn_cli.core.training.checkpoint import write_json, write_run_file, write_
 from mvtn_cli.core.training.predict import Predictions, predict
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.shapes import Shapes
+from mvtn_cli.core.training.team import Team
 
 
 def judge_epoch(
@@ -26,6 +27,7 @@ def judge_epoch(
     shown: list[int],
     config: TrainConfig,
     each_batch: Callable[[], None],
+    team: Team | None = None,
 ) -> dict[str, Any]:
     """Give the evaluation's part of a line of metrics.jsonl.
 
@@ -36,8 +38,11 @@ def judge_epoch(
         shown: Shapes to look at the views of in that case.
         config: The settings.
         each_batch: Called before each batch; may raise to end early.
+        team: Processes that do it together, all of which must call this.
     """
-    answers = predict(model, shapes, select or shown, config, batch_size=config.batch_size, each_batch=each_batch)
+    answers = predict(
+        model, shapes, select or shown, config, batch_size=config.batch_size, each_batch=each_batch, team=team
+    )
     judged = {
         "val_loss": answers.loss if select else None,
         "val_accuracy": answers.accuracy if select else None,
@@ -80,6 +85,7 @@ def look_at(
     shown: list[int],
     config: TrainConfig,
     each_batch: Callable[[], None] | None = None,
+    team: Team | None = None,
 ) -> Predictions:
     """Take the pictures of a few shapes as the cameras stand now."""
     return predict(
@@ -90,6 +96,7 @@ def look_at(
         batch_size=config.batch_size,
         keep_images=len(shown),
         each_batch=each_batch,
+        team=team,
     )
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
-from lightning_fabric import Fabric
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
@@ -17,7 +19,8 @@ from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
 from mvtn_cli.core.render import Look
 from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.training import judge, learner, schedules, tracking, watch
-from mvtn_cli.core.training.device import choose_device, use_threads
+from mvtn_cli.core.training.device import use_threads
+from mvtn_cli.core.training.draws import look_of
 from mvtn_cli.core.training.find import find_or_create_run
 from mvtn_cli.core.training.fixed_views import load_batch, with_kept_views
 from mvtn_cli.core.training.position import Position, restore, save
@@ -27,6 +30,7 @@ from mvtn_cli.core.training.settle import settle_batch_norm
 from mvtn_cli.core.training.shapes import drawn_kind
 from mvtn_cli.core.training.signals import StopNow, StopRequest
 from mvtn_cli.core.training.split import Indices, shown_indices, training_indices
+from mvtn_cli.core.training.team import Team
 from mvtn_cli.errors import Interrupted, MvtnError
 
 SAVE_EVERY_SECONDS = 60.0
@@ -61,28 +65,45 @@ def train(
             can't learn.
         MvtnError: Too many steps in a row without finite numbers; another process trains this run.
     """
-    watch.check_views_can_learn(config)
-    tracking.require(config.log)
-    indices = training_indices(config, prepared)
-    # Built before the run's folder: a wrong backbone or weights file leaves nothing behind.
-    model = build_recogniser(config, len(prepared.classes))
-    run = find_or_create_run(config, prepared, config.runs, name or config.name, console, reuse_finished=reuse_finished)
-    if run.finished:
-        return run
-    for warning in model.warnings():
-        console.warn(warning)
-    with run.lock(), StopRequest(console, stop) as stopping, tracking.open_log(config.log, run) as track:
-        run.set_state("running", selected_by=indices.selected_by, model=model.facts())
+    team = Team.join(config.device)
+    console = team.console(console)
+
+    def prepare() -> tuple[Indices, Recogniser]:
+        watch.check_views_can_learn(config)
+        tracking.require(config.log)
+        return training_indices(config, prepared), build_recogniser(config, len(prepared.classes))
+
+    def find() -> tuple[Run, bool]:
+        wanted = name or config.name
+        run = find_or_create_run(config, prepared, config.runs, wanted, console, reuse_finished=reuse_finished)
+        return run, run.finished
+
+    with team.watched(), ExitStack() as open_files:
+        # Built before the run's folder: a wrong backbone or weights file leaves nothing behind.
+        indices, model = team.together(prepare)
+        run, finished = team.alone(find)
+        if finished:
+            return run
+        for warning in model.warnings():
+            console.warn(warning)
+        team.alone(lambda: open_files.enter_context(run.lock()))
+        stopping = open_files.enter_context(StopRequest(console, team.question(stop)))
+        track = open_files.enter_context(tracking.open_log(config.log, run))
+        team.alone(lambda: run.set_state("running", selected_by=indices.selected_by, model=model.facts()))
         try:
-            _train(run, model, config, prepared, indices, console, stopping, track)
+            with team.watched():
+                _train(team, run, model, config, prepared, indices, console, stopping, track)
         except MvtnError as error:
-            run.set_state("interrupted", reason=error.message)
+            if team.first:
+                run.set_state("interrupted", reason=error.message)
             raise
-        run.set_state("finished", seconds=round(sum(line["seconds"] for line in run.metrics()), 3))
+        seconds = round(sum(line["seconds"] for line in run.metrics()), 3)
+        team.alone(lambda: run.set_state("finished", seconds=seconds))
     return run
 
 
 def _train(
+    team: Team,
     run: Run,
     model: Recogniser,
     config: TrainConfig,
@@ -100,25 +121,25 @@ def _train(
         console.note("no shapes choose the best epoch: the last one is taken")
 
     # Networks and optimisers: classifier and viewpoint network have one each, with rates of their own.
-    use_threads(config.threads)
-    device = choose_device(config.device)
-    fabric = Fabric(accelerator=device.type, devices=[device.index] if device.type == "cuda" else 1)
-    fabric.launch()
+    use_threads(config.threads or team.threads)
+    team.synchronise(model)
     optimisers = learner.build_optimisers(model, config)
-    loss_of, *stepping = fabric.setup(learner.Learner(model, config.label_smoothing), *optimisers.values())
+    loss_of, *stepping = team.fabric.setup(learner.Learner(model, config.label_smoothing), *optimisers.values())
     viewpoints = dict(zip(optimisers, stepping, strict=True)).get(learner.VIEWPOINTS)
 
     if model.uses_views:
         kind = drawn_kind(prepared, indices.train[0], config.render)
-        compile_renderer(console, kind=kind, gradient=model.selector.learned)
+        team.alone(lambda: compile_renderer(console, kind=kind, gradient=model.selector.learned))
     shapes = with_kept_views(prepared, config, console)
 
     # Where it stands, and what the cameras see before they learn.
-    position = restore(run, model, optimisers)
+    position = team.together(lambda: restore(run, model, optimisers))
+    team.alone(lambda: run.cut_metrics(position.epoch))
+    keep = partial(save, run, position, model, optimisers)
     steps = len(epoch_batches(indices.train, config.batch_size, config.seed, 0))
     pictures_checked, collapse_told, saved = not model.uses_views, False, time.monotonic()
     if position == Position() and model.uses_views:
-        judge.keep_views(run, "start", judge.look_at(model, shapes, shown, config))
+        team.alone(partial(judge.keep_views, run, "start", judge.look_at(model, shapes, shown, config, team=team)))
 
     while position.epoch < config.epochs:
         epoch, tally = position.epoch, position.tally
@@ -138,35 +159,40 @@ def _train(
                 generator = step_generator(config.seed, epoch, step)
                 torch.manual_seed(step_seed(config.seed, epoch, step))
 
-                # Forward and backward.
-                batch, kind = load_batch(shapes, batches[step], config.render)
-                look = Look.training(config, len(batch), kind, generator)
+                # Forward and backward; with several processes this one has a share of the batch.
+                share = team.share(batches[step])
+                batch, kind = load_batch(shapes, batches[step][share.rows], config.render)
+                look = look_of(share, Look.training(config, share.total, kind, generator))
                 buffers = learner.copy_buffers(model)
-                loss, logits, images = loss_of(batch, look, explore_deg, generator)
+                with team.drawing():
+                    loss, logits, images = loss_of(batch, look, explore_deg, generator)
                 if not pictures_checked:
-                    watch.check_something_is_seen(images)
+                    watch.check_something_is_seen(images, partial(team.mean, share))
                     pictures_checked = True
                 for optimiser in optimisers.values():
                     optimiser.zero_grad(set_to_none=True)
-                if torch.isfinite(loss):
-                    fabric.backward(loss)
+                right = (logits.argmax(1).cpu() == batch.labels)[: share.own].sum()
+                mean_loss, correct = team.total(share.weight * float(loss.detach()), float(right))
+                if math.isfinite(mean_loss):
+                    # DDP averages over the processes, whose shares may have other sizes
+                    team.fabric.backward(loss * (share.weight * share.size))
 
                 # Clip, then step; or else leave everything as it was before this batch.
-                trouble = watch.not_finite(loss, optimisers)
+                trouble = watch.not_finite(mean_loss, optimisers)
                 if trouble is None:
                     if teaching is not None:
-                        norm = fabric.clip_gradients(loss_of, teaching, max_norm=config.clip)
+                        norm = team.fabric.clip_gradients(loss_of, teaching, max_norm=config.clip)
                         tally.gradient_norms.append(float(norm or 0.0))
                     for optimiser in learning:
                         optimiser.step()
-                    correct = (logits.argmax(1).cpu() == batch.labels).sum()
-                    tally.add(float(loss.detach()), int(correct), len(batch))
+                    tally.add(mean_loss, int(correct), share.total)
                     position.bad_in_a_row = 0
                 else:
                     learner.restore_buffers(model, buffers)
                     tally.skipped += 1
                     position.bad_in_a_row += 1
-                    where = f"epoch {epoch + 1}, batch {step + 1} ({_some(batch.names)})"
+                    names = [prepared.records[i].name for i in batches[step]]
+                    where = f"epoch {epoch + 1}, batch {step + 1} ({_some(names)})"
                     console.warn(f"{trouble} is not finite in {where}: this step is left out")
                 position.step += 1
                 tally.seconds = time.monotonic() - began
@@ -174,25 +200,26 @@ def _train(
                 # Save what has been reached, and end early if that is asked for or needed.
                 ticker.advance()
                 ticker.note(_step_line(position))
-                hopeless, asked = position.bad_in_a_row >= config.max_bad_steps, stopping()
-                if hopeless or asked or time.monotonic() - saved >= SAVE_EVERY_SECONDS:
-                    save(run, position, model, optimisers)
+                hopeless = position.bad_in_a_row >= config.max_bad_steps
+                asked, due = team.any(stopping(), time.monotonic() - saved >= SAVE_EVERY_SECONDS)
+                if hopeless or asked or due:
+                    team.alone(keep)
                     saved = time.monotonic()
                 if hopeless:
-                    raise _hopeless(run, position)
+                    raise team.agreed(_hopeless(run, position))
                 if asked:
-                    raise _interrupted(run, config, position, steps)
+                    raise team.agreed(_interrupted(run, config, position, steps))
 
         # Judge the epoch by the shapes that choose the best one.
         try:
-            settle_batch_norm(model, shapes, indices.train, config, stopping.check)
-            judged = judge.judge_epoch(model, shapes, indices.select, shown, config, stopping.check)
+            settle_batch_norm(model, shapes, indices.train, config, partial(_check_all, team, stopping), team)
+            judged = judge.judge_epoch(model, shapes, indices.select, shown, config, stopping.check, team)
             better = model.stage == "shapes" and judge.is_better(judged, position.best)
             look_again = better and model.uses_views
-            seen = judge.look_at(model, shapes, shown, config, stopping.check) if look_again else None
+            seen = judge.look_at(model, shapes, shown, config, stopping.check, team) if look_again else None
         except StopNow:
-            save(run, position, model, optimisers)
-            raise _interrupted(run, config, position, steps) from None
+            team.alone(keep)
+            raise team.agreed(_interrupted(run, config, position, steps)) from None
 
         # Write down what came of it: best weights and numbers first, then the state that makes them count.
         tally.seconds = time.monotonic() - began
@@ -205,11 +232,11 @@ def _train(
         }
         if better:
             position.best = {key: record[key] for key in ("epoch", "val_accuracy", "val_loss")}
-            judge.keep_best(run, model, {**position.best, "selected_by": indices.selected_by}, seen)
-        run.append_metrics(record)
-        track(record)
+            about = {**position.best, "selected_by": indices.selected_by}
+            team.alone(partial(judge.keep_best, run, model, about, seen))
+        team.alone(partial(_write_down, run, record, track))
         position.next_epoch()
-        save(run, position, model, optimisers)
+        team.alone(keep)
         saved = time.monotonic()
         console.note(judge.epoch_line(record, config.epochs, better))
         if not collapse_told and (warning := judge.view_warning(record, config)):
@@ -217,7 +244,18 @@ def _train(
             collapse_told = True
 
 
-def _some(names: tuple[str, ...]) -> str:
+def _check_all(team: Team, stopping: StopRequest) -> None:
+    """End in all processes if one of them is asked to."""
+    if any(team.any(stopping.asked)):
+        raise StopNow
+
+
+def _write_down(run: Run, record: dict[str, Any], track: tracking.Track) -> None:
+    run.append_metrics(record)
+    track(record)
+
+
+def _some(names: Sequence[str]) -> str:
     """The first of many names."""
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 

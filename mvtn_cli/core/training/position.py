@@ -95,7 +95,7 @@ def save(run: Run, position: Position, model: nn.Module, optimisers: dict[str, O
 def restore(run: Run, model: nn.Module, optimisers: dict[str, Optimizer]) -> Position:
     """Read the state into model and optimisers; nothing happens if the run has none yet.
 
-    Lines of metrics.jsonl that are newer than the state are cut: those epochs come again.
+    Lines of metrics.jsonl that are newer than the state are to be cut: those epochs come again.
     """
     position = Position()
     if run.state_path.exists():
@@ -105,5 +105,4 @@ def restore(run: Run, model: nn.Module, optimisers: dict[str, Optimizer]) -> Pos
             optimiser.load_state_dict(state["optimisers"][name])
         kept = state["position"]
         position = Position(**{**kept, "tally": Tally(**kept["tally"])})
-    run.cut_metrics(position.epoch)
     return position

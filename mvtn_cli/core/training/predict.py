@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 import torch
@@ -22,6 +23,7 @@ from mvtn_cli.core.training.fixed_views import load_batch
 from mvtn_cli.core.training.randomness import evaluation_generator
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.shapes import Shapes, alike_batches, drawn_kind
+from mvtn_cli.core.training.team import Team
 from mvtn_cli.errors import DataError
 
 
@@ -76,6 +78,7 @@ def predict(
     console: Console | None = None,
     keep_images: int = 0,
     each_batch: Callable[[], None] | None = None,
+    team: Team | None = None,
 ) -> Predictions:
     """Let a recogniser classify shapes: white, under a headlight, without noise, gradient or dropout.
 
@@ -89,6 +92,8 @@ def predict(
         console: Where progress is shown, if anywhere.
         keep_images: Keep the pictures of this many shapes, the first ones.
         each_batch: Called before each batch; may raise to end early.
+        team: Processes that do it together: each takes every n-th batch, and all of them, which must all call
+            this, get all answers.
 
     Raises:
         DataError: No shapes are given, or they can't be drawn.
@@ -97,32 +102,41 @@ def predict(
         raise DataError("no shapes to classify", code="dataset.empty-split")
     if device is not None:
         model.to(device)
-    parts: list[dict[str, np.ndarray]] = []
-    pictures: list[np.ndarray] = []
-    saturated = 0.0
     quiet = console or Console(quiet=True)
     if model.uses_views:
         compile_renderer(quiet, kind=drawn_kind(prepared, indices[0], config.render))
-    with _evaluating(model), torch.no_grad(), quiet.progress("classifying", len(indices)) as ticker:
-        for number, chunk in enumerate(alike_batches(prepared, indices, batch_size, config.render)):
-            if each_batch is not None:
-                each_batch()
-            batch, kind = load_batch(prepared, chunk, config.render)
-            look = Look.evaluation(config, len(batch), kind)
-            output = model(batch, look, generator=evaluation_generator(config.seed, number))
-            parts.append(_arrays(output))
-            saturated += model.selector.saturation() * len(chunk)
-            if (wanted := keep_images - sum(map(len, pictures))) > 0:
-                pictures.append(_as_bytes(output.images[:wanted]))
-            ticker.advance(len(chunk))
+    rank, size = (0, 1) if team is None else (team.rank, team.size)
+
+    def answer() -> dict[int, dict[str, np.ndarray]]:
+        """The answers of this process, by the number of their batch."""
+        found, begun = {}, 0
+        with _evaluating(model), torch.no_grad(), quiet.progress("classifying", len(indices)) as ticker:
+            for number, chunk in enumerate(alike_batches(prepared, indices, batch_size, config.render)):
+                wanted, begun = keep_images - begun, begun + len(chunk)
+                if number % size != rank:
+                    continue
+                if each_batch is not None:
+                    each_batch()
+                batch, kind = load_batch(prepared, chunk, config.render)
+                look = Look.evaluation(config, len(batch), kind)
+                output = model(batch, look, generator=evaluation_generator(config.seed, number))
+                found[number] = _arrays(output, max(0, wanted))
+                found[number]["saturation"] = np.array([model.selector.saturation() * len(chunk)])
+                ticker.advance(len(chunk))
+        return found
+
+    everybody = [answer()] if team is None else team.gather(team.together(answer))
+    parts = [part for _, part in sorted((item for found in everybody for item in found.items()), key=itemgetter(0))]
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    saturation, images = columns.pop("saturation"), columns.pop("images")
     records = [prepared.records[i] for i in indices]
     return Predictions(
         names=tuple(record.name for record in records),
         labels=np.array([record.label for record in records], np.int64),
         known_azimuth_deg=np.array([record.known_azimuth_deg for record in records], np.float64),
-        **{name: np.concatenate([part[name] for part in parts]) for name in parts[0]},
-        images=np.concatenate(pictures) if pictures else None,
-        saturation=saturated / len(records),
+        **columns,
+        images=images if keep_images > 0 else None,
+        saturation=sum(saturation.tolist()) / len(records),
     )
 
 
@@ -153,7 +167,8 @@ def _evaluating(model: torch.nn.Module) -> Iterator[None]:
         model.train(was_training)
 
 
-def _arrays(output: Output) -> dict[str, np.ndarray]:
+def _arrays(output: Output, pictures: int) -> dict[str, np.ndarray]:
+    """What is kept of an output: the pictures of its first shapes alone."""
     tensors = {
         "logits": output.logits,
         "descriptors": output.descriptor,
@@ -161,7 +176,8 @@ def _arrays(output: Output) -> dict[str, np.ndarray]:
         "elevation_deg": output.cameras.elevation_deg,
         "distance": output.cameras.distance.expand_as(output.cameras.azimuth_deg),
     }
-    return {name: tensor.float().cpu().numpy() for name, tensor in tensors.items()}
+    arrays = {name: tensor.float().cpu().numpy() for name, tensor in tensors.items()}
+    return {**arrays, "images": _as_bytes(output.images[:pictures])}
 
 
 def _as_bytes(images: Tensor) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 
 import torch
 from torch.nn.modules.batchnorm import _BatchNorm
@@ -12,6 +13,7 @@ from mvtn_cli.core.networks.recogniser import Recogniser
 from mvtn_cli.core.render import Look
 from mvtn_cli.core.training.fixed_views import load_batch
 from mvtn_cli.core.training.shapes import Shapes, alike_batches
+from mvtn_cli.core.training.team import Team
 
 SHAPES = 256
 
@@ -22,6 +24,7 @@ def settle_batch_norm(
     train: Sequence[int],
     config: TrainConfig,
     each_batch: Callable[[], None] = lambda: None,
+    team: Team | None = None,
 ) -> None:
     """Measure the running statistics anew on training shapes that are drawn as in evaluation.
 
@@ -35,6 +38,7 @@ def settle_batch_norm(
         train: Training shapes; at most 256 of them are used, spread evenly.
         config: The settings.
         each_batch: Called before each batch; may raise to end early.
+        team: Processes among whom each batch is shared, all of which must call this.
 
     References:
         Wu, Johnson. Rethinking "Batch" in BatchNorm. 2021, section 3: precise statistics, and their domain.
@@ -56,8 +60,10 @@ def settle_batch_norm(
                 each_batch()
                 if len(chunk) == 1 < len(chosen):
                     continue  # one picture alone may have nothing to take a variance of
-                batch, kind = load_batch(shapes, chunk, config.render)
-                model(batch, Look.evaluation(config, len(batch), kind))
+                rows = slice(None) if team is None else team.share(chunk).rows
+                batch, kind = load_batch(shapes, chunk[rows], config.render)
+                with nullcontext() if team is None else team.drawing():
+                    model(batch, Look.evaluation(config, len(batch), kind))
     finally:
         for layer, momentum in zip(layers, momenta, strict=True):
             layer.momentum = momentum

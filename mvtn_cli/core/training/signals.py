@@ -49,8 +49,13 @@ class StopRequest:
             self._asked = True
         return self._asked
 
+    @property
+    def asked(self) -> bool:
+        """Whether a signal has come, or the caller has said yes before (it is asked after steps alone)."""
+        return self._asked
+
     def check(self) -> None:
-        """Raise StopNow if a signal has come (the caller's question is for steps alone)."""
+        """Raise StopNow if so."""
         if self._asked:
             raise StopNow
 

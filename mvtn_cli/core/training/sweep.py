@@ -17,7 +17,7 @@ from mvtn_cli.console import Console, duration
 from mvtn_cli.core.training.checkpoint import write_json, write_run_file
 from mvtn_cli.core.training.compare import summarise
 from mvtn_cli.core.training.find import dataset_word
-from mvtn_cli.core.training.group import check_can_be_tested, free_group, predict_test, train_one
+from mvtn_cli.core.training.group import check_can_be_tested, check_one_process, free_group, predict_test, train_one
 from mvtn_cli.core.training.predict import Predictions
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.sweep_plot import draw_plots
@@ -72,6 +72,7 @@ def sweep(
         Interrupted: As `train`.
         DataError: There is nothing to test on.
     """
+    check_one_process("a sweep")
     plan = {
         f"{cell.word}-s{seed}": (cell, cell.config.model_copy(update={"seed": seed, "name": None}))
         for seed in range(config.seed, config.seed + seeds)  # by seed first: an early stop leaves whole tables

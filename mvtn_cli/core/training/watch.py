@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -26,29 +27,30 @@ def gradient_is_finite(parameters: Iterable[nn.Parameter]) -> bool:
     return not gradients or bool(torch.isfinite(torch.nn.utils.get_total_norm(gradients)))
 
 
-def not_finite(loss: Tensor, optimisers: dict[str, Optimizer]) -> str | None:
+def not_finite(loss: float, optimisers: dict[str, Optimizer]) -> str | None:
     """Name what is not finite in a step, or return None.
 
     Args:
         loss: Of the step; the gradients are looked at only if it is finite.
         optimisers: By the name of their network.
     """
-    if not torch.isfinite(loss):
+    if not math.isfinite(loss):
         return "the loss"
     bad = [name for name, optimiser in optimisers.items() if not gradient_is_finite(parameters_of(optimiser))]
     return f"the gradient of the {' and the '.join(bad)}" if bad else None
 
 
-def check_something_is_seen(images: Tensor) -> None:
+def check_something_is_seen(images: Tensor, mean: Callable[[float], float] = float) -> None:
     """Refuse to train on pictures without content: the loss would stay at ln(classes) for ever.
 
     Args:
         images: (B, M, 3, H, W) in [0, 1], of the first batch.
+        mean: From the mean over these images to that over the images of all processes.
 
     Raises:
         UsageError: The pixels of a picture differ by less than a thousandth, on average over the pictures.
     """
-    spread = float(images.flatten(3).std(dim=-1).mean())
+    spread = mean(float(images.flatten(3).std(dim=-1).mean()))
     if not spread >= FLAT:
         raise UsageError(
             f"nothing can be seen in the pictures of the first batch (their pixels vary by {spread:.1e})",
