@@ -12,7 +12,6 @@ from mvtn_cli.commands.options import Call
 from mvtn_cli.commands.sources import open_shapes
 from mvtn_cli.config import TrainConfig, TrainOptions
 from mvtn_cli.console import duration
-from mvtn_cli.core.training.launch import run_together, started_with_others
 from mvtn_cli.errors import DataError, ExitCode, MvtnError, UsageError
 
 if TYPE_CHECKING:
@@ -34,6 +33,8 @@ def train(options: TrainOptions, call: Call) -> ExitCode | None:
     if call.dry_run:
         _plan(options, config, call)
         return None
+    from mvtn_cli.core.training.launch import started_with_others
+
     together = started_with_others()
     if options.compare and (together or options.devices > 1):
         raise UsageError(
@@ -57,6 +58,8 @@ def train(options: TrainOptions, call: Call) -> ExitCode | None:
 
 def _start_processes(count: int, prepared: Prepared, call: Call) -> ExitCode:
     """Let this command run in several processes; the first one answers."""
+    from mvtn_cli.core.training.launch import run_together
+
     # What was chosen and prepared here need not be chosen and said again there.
     code = run_together(count, sys.argv[1:], {"MVTN_DATASET": prepared.spec})
     call.console.quiet = True  # what is left to say was said there
