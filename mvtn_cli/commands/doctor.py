@@ -136,6 +136,14 @@ def _renderer(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     works = add(1.0, 2.0) == 3.0
     detail = "numba kernels on the CPU" if works else "numba compiles wrongly"
     yield Finding("renderer", "ok" if works else "bad", detail, "" if works else "reinstall numba")
+    import torch
+
+    if torch.cuda.is_available():
+        from mvtn_cli.core.render.devices import missing_for_cuda
+
+        missing = missing_for_cuda()
+        where = f"drawn on the CPU and copied: {missing}" if missing else "numba-cuda kernels"
+        yield Finding("renderer on cuda", "warn" if missing else "ok", where)
 
 
 def _cache(config: DoctorConfig, call: Call) -> Iterator[Finding]:

@@ -12,7 +12,7 @@ from reference import scenes
 from reference.drawing import cameras, gradients, image
 
 from mvtn_cli.core.render import GRADIENTS, Look, check_look, pack, render
-from mvtn_cli.core.render.scene import say_where
+from mvtn_cli.core.render.devices import say_where
 from mvtn_cli.errors import DataError, UsageError
 
 SIDE_LIGHT = np.float32([0.48, 0.6, 0.64])

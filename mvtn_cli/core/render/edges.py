@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.compiled import njit, njit_inline
 from mvtn_cli.core.render.raster import plane_normal
 from mvtn_cli.core.render.walking import joint, plane_inverse_depth, walk
 
@@ -193,6 +193,40 @@ def note(records, where, count, found, number, at):
     return count
 
 
+@njit_inline
+def between(
+    camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, ids, inverse_depth, planes, sharp, normals,
+    focal, j, i, down, passed, shares, found,
+):  # fmt: skip
+    """Look between sample (j, i) and the one to its right, or below it.
+
+    Returns:
+        (whether the surface goes on smoothly, how many jumps are written to `found` (2, COLUMNS)).
+    """
+    height, width = ids.shape
+    i2, j2 = i + 1 - down, j + down
+    if i2 >= width or j2 >= height:
+        return False, 0
+    first, second = ids[j, i], ids[j2, i2]
+    if second == first:
+        return first >= 0, 0
+    both, alike, bent = first >= 0 and second >= 0, False, False
+    if both:
+        bent = sharp[j, i] != 0 and sharp[j2, i2] != 0 and bends(normals[j, i], normals[j2, i2])
+        alike = same_surface(inverse_depth[j, i], inverse_depth[j2, i2], planes[j, i, down], planes[j2, i2, down])
+        if alike and not bent:
+            return True, 0
+    ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
+    goes_on, number = find_jump(
+        camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, first, second, ray_x, ray_y,
+        (1 - down) / focal, down / focal, down == 0, passed, shares, found,
+    )  # fmt: skip
+    if both and (goes_on or alike):
+        number = number if goes_on and bent else 0
+        return number == 0, number
+    return False, number
+
+
 @njit
 def find_edges(
     camera, faces, face_edges, edge_starts, edge_faces, creases, smooth, ids, inverse_depth, planes, sharp, normals,
@@ -222,30 +256,16 @@ def find_edges(
             links[j, i] = 0
             for down in range(2):
                 i2, j2 = i + 1 - down, j + down
-                if i2 >= width or j2 >= height:
-                    continue
-                second = ids[j2, i2]
-                if second == first:
+                # Nearly all pairs see one face, or nothing.
+                if i2 < width and j2 < height and ids[j2, i2] == first:
                     links[j, i] |= (1 << down) if first >= 0 else 0
                     continue
-                both, alike, bent = first >= 0 and second >= 0, False, False
-                if both:
-                    bent = sharp[j, i] != 0 and sharp[j2, i2] != 0 and bends(normals[j, i], normals[j2, i2])
-                    alike = same_surface(
-                        inverse_depth[j, i], inverse_depth[j2, i2], planes[j, i, down], planes[j2, i2, down]
-                    )
-                    if alike and not bent:
-                        links[j, i] |= 1 << down
-                        continue
-                ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
-                goes_on, number = find_jump(
-                    camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, first, second, ray_x, ray_y,
-                    (1 - down) / focal, down / focal, down == 0, passed, shares, found,
+                smoothly, number = between(
+                    camera, faces, face_edges, edge_starts, edge_faces, creases, first_bit, ids, inverse_depth, planes,
+                    sharp, normals, focal, j, i, down, passed, shares, found,
                 )  # fmt: skip
-                if both and (goes_on or alike):
-                    number = number if goes_on and bent else 0
-                    if number == 0:
-                        links[j, i] |= 1 << down
+                if smoothly:
+                    links[j, i] |= 1 << down
                 count = note(records, where, count, found, number, 2 * (j * width + i) + down)
     return count
 
@@ -261,6 +281,13 @@ def jump_at(image, record, at, width, jump):
     return j, i
 
 
+@njit_inline
+def blends(slope, down):
+    """Whether a jump blends this pair: an edge nearer to the vertical does along rows, others along columns."""
+    slope = abs(slope)
+    return slope < 1.0 or (slope == 1.0 and down == 0)
+
+
 @njit
 def blend(records, where, count, image, supersample, out):
     """Antialias: move each jump from the sample boundary to where it really is; `out` (3,H,W) is in pixels."""
@@ -268,9 +295,7 @@ def blend(records, where, count, image, supersample, out):
     jump = np.empty(3)
     for n in range(count):
         down = where[n] & 1
-        slope = abs(records[n, SLOPE])
-        # An edge nearer to the vertical is blended along rows, one nearer to the horizontal along columns.
-        if slope > 1.0 or (slope == 1.0 and down == 1):
+        if not blends(records[n, SLOPE], down):
             continue
         j, i = jump_at(image, records[n], where[n], image.shape[1], jump)
         move = 0.5 - records[n, SHARE]

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.compiled import njit, njit_inline
 from mvtn_cli.core.render.edges import SHARE, SLOPE, X, Y, Z, jump_at
 from mvtn_cli.core.render.shade import DIFFUSE, FALLOFF, SHININESS, SPECULAR, power, towards_eye
 
@@ -40,56 +40,65 @@ def add_point(moments, gx, gy, gz, x, y, z):
     moments[2, 3] += gz
 
 
+@njit_inline
+def add_sample(
+    j, i, depth, normal_image, tint, image, links, box, weights, supersample, focal, rt, follows, shiny, lx, ly, lz,
+    albedo, material, moments, by_eye, by_light,
+):  # fmt: skip
+    """Add one sample's image flow, and how its shading depends on a light that follows the eye.
+
+    A colour step to a neighbour counts half here and half there, each with its own sample's weight.
+    """
+    height, width = depth.shape
+    w = depth[j, i]
+    if w == 0.0:
+        return
+    row, column, link = j // supersample, i // supersample, links[j, i]
+    left, above = i > box[2] and links[j, i - 1] & 1, j > box[0] and links[j - 1, i] & 2
+    sx = sy = by_albedo = by_white = 0.0
+    for channel in range(3):
+        weight, here = weights[channel, row, column], image[j, i, channel]
+        if link & 1:
+            sx += weight * (image[j, i + 1, channel] - here)
+        if left:
+            sx += weight * (here - image[j, i - 1, channel])
+        if link & 2:
+            sy += weight * (image[j + 1, i, channel] - here)
+        if above:
+            sy += weight * (here - image[j - 1, i, channel])
+        by_albedo += weight * (albedo[channel] * tint[j, i, channel] if tint.shape[0] > 0 else albedo[channel])
+        by_white += weight
+    ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
+    if sx != 0.0 or sy != 0.0:
+        z = 1.0 / w
+        gx, gy = -0.5 * focal * w * sx, -0.5 * focal * w * sy
+        add_point(moments, gx, gy, -(gx * ray_x + gy * ray_y), ray_x * z, ray_y * z, z)
+    if not follows:
+        return
+    nx, ny, nz = normal_image[j, i, 0], normal_image[j, i, 1], normal_image[j, i, 2]
+    cosine = nx * lx + ny * ly + nz * lz
+    if cosine > 0.0:
+        fall = by_albedo * material[DIFFUSE] * material[FALLOFF] * power(cosine, material[FALLOFF] - 1.0)
+        by_light[0] += fall * nx
+        by_light[1] += fall * ny
+        by_light[2] += fall * nz
+        if shiny and by_white != 0.0:
+            add_highlight(rt, ray_x, ray_y, w, nx, ny, nz, lx, ly, lz, cosine, by_white, material, by_eye, by_light)
+
+
 @njit
 def add_samples(
     depth, normal_image, tint, image, links, first_row, last_row, box, weights, supersample, focal, rt, follows, lx, ly,
     lz, albedo, material, moments, by_eye, by_light,
 ):  # fmt: skip
-    """Add the image flow of some rows' covered samples, and how their shading depends on a light that follows the eye.
-
-    A colour step to a neighbour counts half here and half there, each with its own sample's weight.
-    """
-    height, width = depth.shape
+    """Add all of some rows' samples."""
     shiny = material[SPECULAR] > 0.0
     for j in range(max(first_row, box[0]), min(last_row, box[1]) + 1):
-        row = j // supersample
         for i in range(box[2], box[3] + 1):
-            w = depth[j, i]
-            if w == 0.0:
-                continue
-            column, link = i // supersample, links[j, i]
-            left, above = i > box[2] and links[j, i - 1] & 1, j > box[0] and links[j - 1, i] & 2
-            sx = sy = by_albedo = by_white = 0.0
-            for channel in range(3):
-                weight, here = weights[channel, row, column], image[j, i, channel]
-                if link & 1:
-                    sx += weight * (image[j, i + 1, channel] - here)
-                if left:
-                    sx += weight * (here - image[j, i - 1, channel])
-                if link & 2:
-                    sy += weight * (image[j + 1, i, channel] - here)
-                if above:
-                    sy += weight * (here - image[j - 1, i, channel])
-                by_albedo += weight * (albedo[channel] * tint[j, i, channel] if tint.shape[0] > 0 else albedo[channel])
-                by_white += weight
-            ray_x, ray_y = (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal
-            if sx != 0.0 or sy != 0.0:
-                z = 1.0 / w
-                gx, gy = -0.5 * focal * w * sx, -0.5 * focal * w * sy
-                add_point(moments, gx, gy, -(gx * ray_x + gy * ray_y), ray_x * z, ray_y * z, z)
-            if not follows:
-                continue
-            nx, ny, nz = normal_image[j, i, 0], normal_image[j, i, 1], normal_image[j, i, 2]
-            cosine = nx * lx + ny * ly + nz * lz
-            if cosine > 0.0:
-                fall = by_albedo * material[DIFFUSE] * material[FALLOFF] * power(cosine, material[FALLOFF] - 1.0)
-                by_light[0] += fall * nx
-                by_light[1] += fall * ny
-                by_light[2] += fall * nz
-                if shiny and by_white != 0.0:
-                    add_highlight(
-                        rt, ray_x, ray_y, w, nx, ny, nz, lx, ly, lz, cosine, by_white, material, by_eye, by_light
-                    )
+            add_sample(
+                j, i, depth, normal_image, tint, image, links, box, weights, supersample, focal, rt, follows, shiny, lx,
+                ly, lz, albedo, material, moments, by_eye, by_light,
+            )  # fmt: skip
 
 
 @njit
@@ -141,19 +150,25 @@ def swept_weight(weights, share, slope, jump, supersample, height, width, j, i, 
     return total
 
 
+@njit_inline
+def add_edge(record, at, image, weights, supersample, focal, jump, moments):
+    """Add the motion of one silhouette or crease; `jump` (3,) is scratch."""
+    height, width = image.shape[0], image.shape[1]
+    down, slope = at & 1, record[SLOPE]
+    j, i = jump_at(image, record, at, width, jump)
+    pull = swept_weight(weights, record[SHARE], slope, jump, supersample, height, width, j, i, down)
+    pull *= focal / record[Z] / (1.0 + slope * slope)
+    gx, gy = (-slope * pull, pull) if down == 1 else (pull, -slope * pull)
+    x, y, z = record[X], record[Y], record[Z]
+    add_point(moments, gx, gy, -(gx * x + gy * y) / z, x, y, z)
+
+
 @njit
 def add_edges(records, where, count, image, weights, supersample, focal, moments):
     """Add the motion of every silhouette and crease."""
-    height, width = image.shape[0], image.shape[1]
     jump = np.empty(3)
     for n in range(count):
-        down, slope = where[n] & 1, records[n, SLOPE]
-        j, i = jump_at(image, records[n], where[n], width, jump)
-        pull = swept_weight(weights, records[n, SHARE], slope, jump, supersample, height, width, j, i, down)
-        pull *= focal / records[n, Z] / (1.0 + slope * slope)
-        gx, gy = (-slope * pull, pull) if down == 1 else (pull, -slope * pull)
-        x, y, z = records[n, X], records[n, Y], records[n, Z]
-        add_point(moments, gx, gy, -(gx * x + gy * y) / z, x, y, z)
+        add_edge(records[n], where[n], image, weights, supersample, focal, jump, moments)
 
 
 @njit

@@ -203,14 +203,16 @@ class MeshScene:
         return out
 
 
-def camera_matrices(azimuth_deg: torch.Tensor, elevation_deg: torch.Tensor, distance: torch.Tensor) -> torch.Tensor:
-    """[R|t] of cameras, (..., 3, 4) float64 on the CPU, differentiable.
+def camera_matrices(
+    azimuth_deg: torch.Tensor, elevation_deg: torch.Tensor, distance: torch.Tensor, device: torch.device | str = "cpu"
+) -> torch.Tensor:
+    """[R|t] of cameras, (..., 3, 4) float64 on the device that draws, differentiable.
 
     The kernels take float64: a float32 matrix would blur differences over small steps.
     """
-    rotation = camera_rotations(azimuth_deg.cpu(), elevation_deg.cpu())
+    rotation = camera_rotations(azimuth_deg.to(device), elevation_deg.to(device))
     zero = torch.zeros_like(rotation[..., 0, 0])
-    shift = torch.stack([zero, zero, -distance.cpu().to(rotation)], dim=-1)
+    shift = torch.stack([zero, zero, -distance.to(rotation)], dim=-1)
     return torch.cat([rotation, shift[..., None]], dim=-1)
 
 

@@ -19,7 +19,7 @@ import math
 import numpy as np
 import torch
 
-from mvtn_cli.core.render.compiled import njit, parallel_chunksize, prange
+from mvtn_cli.core.render.compiled import njit, njit_inline, parallel_chunksize, prange
 from mvtn_cli.core.render.raster import NEAR
 
 AMPLITUDE = math.pi * 225.0 * 8.0 / (3.0 * 256.0 * 7.0)
@@ -59,14 +59,20 @@ def fill_shares(centre, sigma, size, shares):
     return first, last - first + 1
 
 
+@njit_inline
+def point_to_camera(points, i, rt, camera):
+    """Fill row i of `to_camera`."""
+    x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    camera[i, 0] = rt[0, 0] * x + rt[0, 1] * y + rt[0, 2] * z + rt[0, 3]
+    camera[i, 1] = rt[1, 0] * x + rt[1, 1] * y + rt[1, 2] * z + rt[1, 3]
+    camera[i, 2] = -(rt[2, 0] * x + rt[2, 1] * y + rt[2, 2] * z + rt[2, 3])
+
+
 @njit
 def to_camera(points, rt, camera):
     """Fill `camera` (P,3) with right, up and the depth ahead of the eye."""
     for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        camera[i, 0] = rt[0, 0] * x + rt[0, 1] * y + rt[0, 2] * z + rt[0, 3]
-        camera[i, 1] = rt[1, 0] * x + rt[1, 1] * y + rt[1, 2] * z + rt[1, 3]
-        camera[i, 2] = -(rt[2, 0] * x + rt[2, 1] * y + rt[2, 2] * z + rt[2, 3])
+        point_to_camera(points, i, rt, camera)
 
 
 @njit
@@ -124,6 +130,19 @@ def draw_points(points, colors, radii, rt, focal, cue, background, image):
                 image[channel, j, k] += left[j, k] * background[channel]
 
 
+@njit_inline
+def pixel_gradient(share_x, share_y, wanted, shade, seen, behind):
+    """Return d/d(share_x share_y), d/dshade, and what is `seen` and `behind` beyond the point, for one pixel of it."""
+    alpha = AMPLITUDE * share_y * share_x
+    clamped = alpha > OPAQUE
+    alpha = min(alpha, OPAQUE)
+    by_shade = seen * alpha * wanted
+    wanted *= shade
+    behind -= seen * alpha * wanted
+    by_alpha = 0.0 if clamped else AMPLITUDE * (seen * wanted - behind / (1.0 - alpha))
+    return by_alpha, by_shade, seen * (1.0 - alpha), behind
+
+
 @njit
 def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, colour, shade, weights, left, behind):
     """Walk one point's pixels: return dL/dx, dL/dy, dL/dsigma, dL/dshade; take it out of `left` and `behind`.
@@ -134,23 +153,35 @@ def point_gradient(x, y, sigma, column, columns, row, rows, shares_x, shares_y, 
     gx = gy = gs = g_shade = 0.0
     for j in range(rows):
         for k in range(columns):
-            alpha = AMPLITUDE * shares_y[j, 0] * shares_x[k, 0]
-            clamped = alpha > OPAQUE
-            alpha = min(alpha, OPAQUE)
-            seen = left[row + j, column + k]
             wanted = 0.0
             for channel in range(3):
                 wanted += weights[channel, row + j, column + k] * colour[channel]
-            g_shade += seen * alpha * wanted
-            wanted *= shade
-            behind[row + j, column + k] -= seen * alpha * wanted
-            if not clamped:
-                by_alpha = AMPLITUDE * (seen * wanted - behind[row + j, column + k] / (1.0 - alpha))
-                gx += by_alpha * shares_x[k, 1] * shares_y[j, 0]
-                gy += by_alpha * shares_x[k, 0] * shares_y[j, 1]
-                gs += by_alpha * (shares_x[k, 2] * shares_y[j, 0] + shares_x[k, 0] * shares_y[j, 2])
-            left[row + j, column + k] = seen * (1.0 - alpha)
+            by_alpha, by_shade, left[row + j, column + k], behind[row + j, column + k] = pixel_gradient(
+                shares_x[k, 0], shares_y[j, 0], wanted, shade, left[row + j, column + k], behind[row + j, column + k]
+            )
+            g_shade += by_shade
+            gx += by_alpha * shares_x[k, 1] * shares_y[j, 0]
+            gy += by_alpha * shares_x[k, 0] * shares_y[j, 1]
+            gs += by_alpha * (shares_x[k, 2] * shares_y[j, 0] + shares_x[k, 0] * shares_y[j, 2])
     return gx, gy, gs, g_shade
+
+
+@njit_inline
+def add_point_motion(point, right, up, ahead, focal, sigma, gx, gy, gs, g_ahead, out):
+    """Add to `out` (3,4) what one point's place, width and depth on the screen mean for [R|t].
+
+    x = W/2 + f right / ahead, y = H/2 - f up / ahead, sigma ~ 1 / ahead; the third camera axis points backward.
+    """
+    scale = focal / ahead
+    g_right, g_up = gx * scale, -gy * scale
+    g_back = (gx * scale * right - gy * scale * up + gs * sigma) / ahead
+    for axis in range(3):
+        out[0, axis] += g_right * point[axis]
+        out[1, axis] += g_up * point[axis]
+        out[2, axis] += (g_back - g_ahead) * point[axis]
+    out[0, 3] += g_right
+    out[1, 3] += g_up
+    out[2, 3] += g_back
 
 
 @njit
@@ -178,17 +209,7 @@ def differentiate_points(points, colors, radii, rt, focal, cue, image, weights, 
         gx, gy, gs, g_shade = point_gradient(
             x, y, sigma, column, columns, row, rows, shares_x, shares_y, colors[i], shade, weights, left, behind
         )
-        scale = focal / ahead
-        # x = W/2 + f right / ahead, y = H/2 - f up / ahead, sigma ~ 1 / ahead; the third camera axis points backward.
-        g_right, g_up = gx * scale, -gy * scale
-        g_back = (gx * scale * right - gy * scale * up + gs * sigma) / ahead
-        for axis in range(3):
-            out[0, axis] += g_right * points[i, axis]
-            out[1, axis] += g_up * points[i, axis]
-            out[2, axis] += (g_back - g_shade * by_ahead) * points[i, axis]
-        out[0, 3] += g_right
-        out[1, 3] += g_up
-        out[2, 3] += g_back
+        add_point_motion(points[i], right, up, ahead, focal, sigma, gx, gy, gs, g_shade * by_ahead, out)
 
 
 @njit(parallel=True)

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.compiled import njit, njit_inline
 from mvtn_cli.core.render.skips import (
     BACKFACE,
     BEHIND_SOLID,
@@ -48,6 +48,22 @@ def snap(value):
     return int(math.floor(min(max(scaled, -LIMIT), LIMIT) + 0.5))
 
 
+@njit_inline
+def project_vertex(vertices, i, rt, focal, height, width, camera, screen):
+    """Fill row i of `project`."""
+    x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+    right = rt[0, 0] * x + rt[0, 1] * y + rt[0, 2] * z + rt[0, 3]
+    down = -(rt[1, 0] * x + rt[1, 1] * y + rt[1, 2] * z + rt[1, 3])
+    ahead = -(rt[2, 0] * x + rt[2, 1] * y + rt[2, 2] * z + rt[2, 3])
+    camera[i, 0], camera[i, 1], camera[i, 2] = right, down, ahead
+    if ahead > NEAR:
+        scale = focal / ahead
+        screen[i, 0] = snap(right * scale + width * 0.5)
+        screen[i, 1] = snap(down * scale + height * 0.5)
+    else:
+        screen[i, 0] = BEHIND
+
+
 @njit
 def project(vertices, rt, focal, height, width, camera, screen):
     """Fill `camera` (V,3) and `screen` (V,2) int32; x is BEHIND where the vertex is not in front of the near plane.
@@ -55,17 +71,7 @@ def project(vertices, rt, focal, height, width, camera, screen):
     A non-finite vertex fails `z > NEAR` and so counts as behind the camera.
     """
     for i in range(vertices.shape[0]):
-        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        right = rt[0, 0] * x + rt[0, 1] * y + rt[0, 2] * z + rt[0, 3]
-        down = -(rt[1, 0] * x + rt[1, 1] * y + rt[1, 2] * z + rt[1, 3])
-        ahead = -(rt[2, 0] * x + rt[2, 1] * y + rt[2, 2] * z + rt[2, 3])
-        camera[i, 0], camera[i, 1], camera[i, 2] = right, down, ahead
-        if ahead > NEAR:
-            scale = focal / ahead
-            screen[i, 0] = snap(right * scale + width * 0.5)
-            screen[i, 1] = snap(down * scale + height * 0.5)
-        else:
-            screen[i, 0] = BEHIND
+        project_vertex(vertices, i, rt, focal, height, width, camera, screen)
 
 
 @njit
@@ -78,6 +84,22 @@ def narrow(edge, slope, low, high):
     elif edge < 0:
         high = low - 1
     return low, high
+
+
+@njit_inline
+def edge_at(x, y, start_x, start_y, along_x, along_y):
+    """Return the edge function at a screen point: at least 0 on the face's side.
+
+    Top-left rule: a sample exactly on an edge belongs to the face for which the edge is a left or a top one.
+    """
+    bias = 0 if (along_y < 0 or (along_y == 0 and along_x > 0)) else -1
+    return along_x * (y - start_y) - along_y * (x - start_x) + bias
+
+
+@njit_inline
+def inverse_depth_at(plane_i, plane_j, plane_0, farthest, nearest, i, j):
+    """1/z of a face at a sample, held between the face's own `farthest` and `nearest`."""
+    return min(max(plane_i * i + plane_j * j + plane_0, farthest), nearest)
 
 
 @njit
@@ -97,14 +119,10 @@ def fill(
         x1, x2, y1, y2 = x2, x1, y2, y1
     height, width = ids.shape
     ax, ay, bx, by, cx, cy = x1 - x0, y1 - y0, x2 - x1, y2 - y1, x0 - x2, y0 - y2
-    # Top-left rule: a sample exactly on an edge belongs to the face for which the edge is a left or a top one.
-    bias_a = 0 if (ay < 0 or (ay == 0 and ax > 0)) else -1
-    bias_b = 0 if (by < 0 or (by == 0 and bx > 0)) else -1
-    bias_c = 0 if (cy < 0 or (cy == 0 and cx > 0)) else -1
     row_y, column_x = (top << 8) + HALF, (left << 8) + HALF
-    edge_a = ax * (row_y - y0) - ay * (column_x - x0) + bias_a
-    edge_b = bx * (row_y - y1) - by * (column_x - x1) + bias_b
-    edge_c = cx * (row_y - y2) - cy * (column_x - x2) + bias_c
+    edge_a = edge_at(column_x, row_y, x0, y0, ax, ay)
+    edge_b = edge_at(column_x, row_y, x1, y1, bx, by)
+    edge_c = edge_at(column_x, row_y, x2, y2, cx, cy)
     right_a, right_b, right_c = -ay * SUBPIXEL, -by * SUBPIXEL, -cy * SUBPIXEL
     small = right - left < SMALL
     known, usable, plane_i, plane_j, plane_0 = False, True, 0.0, 0.0, 0.0
@@ -123,7 +141,7 @@ def fill(
                     usable, plane_i, plane_j, plane_0 = plane_of(faces, camera, face, focal, height, width)
                     if not usable:
                         return
-                w = min(max(plane_i * i + plane_j * j + plane_0, farthest), nearest)
+                w = inverse_depth_at(plane_i, plane_j, plane_0, farthest, nearest, i, j)
                 if w > inverse_depth[j, i] * DEPTH_MARGIN:
                     inverse_depth[j, i] = w
                     ids[j, i] = face
@@ -180,12 +198,13 @@ def box_of(x0, y0, x1, y1, x2, y2, height, width):
     return left, right, top, bottom
 
 
-@njit
-def draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon):
-    """Cut one face at the near plane and draw what is left; `polygon` (4,2) int64 is scratch."""
-    height, width = ids.shape
-    if not plane_of(faces, camera, face, focal, height, width)[0]:
-        return
+@njit_inline
+def clip_at_near(face, faces, camera, screen, focal, height, width, polygon):
+    """Fill `polygon` (4,2) int64 with what the near plane leaves of a face, on the screen.
+
+    Returns:
+        (number of corners, z of the nearest vertex, of the farthest one).
+    """
     corners, nearest_z, farthest_z = 0, 1e300, 0.0
     for s in range(3):
         i, j = faces[face, s], faces[face, (s + 1) % 3]
@@ -196,6 +215,16 @@ def draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, i
         if (camera[i, 2] > NEAR) != (camera[j, 2] > NEAR):
             polygon[corners, 0], polygon[corners, 1] = cut_at_near(camera, i, j, focal, height, width)
             corners += 1
+    return corners, nearest_z, farthest_z
+
+
+@njit
+def draw_clipped(face, faces, camera, screen, focal, first_row, last_row, ids, inverse_depth, polygon):
+    """Cut one face at the near plane and draw what is left; `polygon` (4,2) int64 is scratch."""
+    height, width = ids.shape
+    if not plane_of(faces, camera, face, focal, height, width)[0]:
+        return
+    corners, nearest_z, farthest_z = clip_at_near(face, faces, camera, screen, focal, height, width, polygon)
     for s in range(1, corners - 1):
         x0, y0, x1, y1 = polygon[0, 0], polygon[0, 1], polygon[s, 0], polygon[s, 1]
         x2, y2 = polygon[s + 1, 0], polygon[s + 1, 1]

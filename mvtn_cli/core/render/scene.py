@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 import torch
 
 from mvtn_cli.core.render.batch import ShapeBatch
+from mvtn_cli.core.render.devices import drawing_device, is_gpu
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.mesh import EdgeFlow, FiniteDifferences, MeshScene, camera_matrices, focal_pixels
 from mvtn_cli.core.render.points import RenderPoints
@@ -54,7 +53,8 @@ def render(
     Args:
         batch: B shapes; a `KeptBatch` (view_keeper.py) is seen once from cameras that take no gradient, and painted
             ever after, unless `skips` lacks `fixed-views`.
-        cameras: (B, M) cameras; tensors of another device are rendered on the CPU and copied back.
+        cameras: (B, M) cameras; those on a CUDA device are drawn there if `numba-cuda` is installed (`docs/gpu.md`),
+            those on any other on the CPU and copied.
         look: Light, colour, size; its `kind` says whether faces or points are drawn.
         gradient: Carries a gradient to azimuth, elevation and distance: "edge-flow" analytically, "shading" without
             silhouettes and creases, for comparison, "fd" by central differences of the image itself; points have their
@@ -69,7 +69,7 @@ def render(
     """
     if gradient not in GRADIENTS:
         raise ValueError(f"gradient must be one of {GRADIENTS}, got {gradient!r}")
-    say_where(cameras.azimuth_deg.device.type)
+    device = drawing_device(cameras.azimuth_deg.device)
     skips = active_skips() if skips is None else skips
     counts = {"cameras": len(cameras), "colours": len(look.colors)}
     if look.light_direction is not None:
@@ -80,7 +80,10 @@ def render(
     if gradient == "none":
         cameras = cameras.detach()
     if look.kind == "points":
-        return Images(rgb=_points(batch, cameras, look))
+        return Images(rgb=_points(batch, cameras, look, device))
+    on_gpu = is_gpu(device) and gradient != "fd"
+    if isinstance(batch, KeptBatch) and on_gpu:
+        batch = batch.packed()
     if isinstance(batch, KeptBatch):
         matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
         if skips & FIXED_VIEWS and "geometry" not in outputs and not matrices.requires_grad:
@@ -92,6 +95,8 @@ def render(
         raise DataError(
             f"no faces to draw in {', '.join(empty[:3]) or 'this batch'}", hint="draw points instead: --render points"
         )
+    if on_gpu:
+        return _on_gpu(batch, cameras, look, outputs, skips, device, edges=gradient != "shading")
     scene = MeshScene(batch, look, cameras.fov_deg, skips)
     parameters = (cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
     matrices = camera_matrices(*parameters)
@@ -104,11 +109,18 @@ def render(
     return Images(rgb, *geometry(MeshScene(batch, replace(look, supersample=1), cameras.fov_deg, skips), matrices))
 
 
-@cache
-def say_where(device: str) -> None:
-    """Say once that pictures for another device are drawn here and copied."""
-    if device != "cpu":
-        warnings.warn(f"pictures are drawn on the CPU and copied to {device}", RuntimeWarning, stacklevel=3)
+def _on_gpu(
+    batch: ShapeBatch, cameras: Cameras, look: Look, outputs: Collection[str], skips: int, device: torch.device, *,
+    edges: bool,
+) -> Images:  # fmt: skip
+    from mvtn_cli.core.render.gpu.mesh import GpuEdgeFlow, GpuMeshScene
+
+    matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance, device)
+    rgb = GpuEdgeFlow.apply(matrices, GpuMeshScene(batch, look, cameras.fov_deg, device, skips), edges)
+    if "geometry" not in outputs:
+        return Images(rgb=rgb)
+    scene = GpuMeshScene(batch, replace(look, supersample=1), cameras.fov_deg, device, skips)
+    return Images(rgb, *scene.geometry(matrices))
 
 
 def geometry(scene: MeshScene, matrices: torch.Tensor) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -123,15 +135,17 @@ def geometry(scene: MeshScene, matrices: torch.Tensor) -> tuple[np.ndarray, np.n
     return ids, depth, np.ascontiguousarray(normals)
 
 
-def _points(batch: ShapeBatch, cameras: Cameras, look: Look) -> torch.Tensor:
+def _points(batch: ShapeBatch, cameras: Cameras, look: Look, device: torch.device) -> torch.Tensor:
     colors = np.repeat(look.colors[:, None], batch.points.shape[1], 1)
     if batch.point_colors is not None:
         colors = colors * batch.point_colors
     focal = focal_pixels(look.image_size, cameras.fov_deg)
-    points = np.ascontiguousarray(batch.points.cpu().numpy(), np.float64)
-    matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance)
-    images = RenderPoints.apply(
-        matrices, points, np.ascontiguousarray(colors, np.float64), look.point_radii(*points.shape[:2]), focal,
-        look.depth_cue, look.background, look.image_size,
-    )  # fmt: skip
+    radii = look.point_radii(*batch.points.shape[:2])
+    matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance, device)
+    if is_gpu(device):
+        from mvtn_cli.core.render.gpu.points import GpuPointScene, GpuRenderPoints
+
+        return GpuRenderPoints.apply(matrices, GpuPointScene(batch.points, colors, radii, focal, look, device))
+    cloud = (batch.points.cpu().numpy().astype(np.float64), np.ascontiguousarray(colors, np.float64), radii)
+    images = RenderPoints.apply(matrices, *cloud, focal, look.depth_cue, look.background, look.image_size)
     return images.to(cameras.azimuth_deg.device)

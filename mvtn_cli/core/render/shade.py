@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.compiled import njit, njit_inline
 from mvtn_cli.core.render.skips import SHADING_TERMS
 
 # Columns of the `material` row that the kernels take.
@@ -56,12 +56,24 @@ def towards_eye(rt, ray_x, ray_y):
     )
 
 
+@njit_inline
+def paint_sample(j, i, rt, focal, lx, ly, lz, albedo, material, shiny, height, width, normal_image, tint, image):
+    """Fill `image` at one sample that sees the shape."""
+    nx, ny, nz = normal_image[j, i, 0], normal_image[j, i, 1], normal_image[j, i, 2]
+    vx = vy = vz = 0.0
+    if shiny:
+        vx, vy, vz = towards_eye(rt, (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal)
+    lambert, highlight = lambert_and_highlight(nx, ny, nz, vx, vy, vz, lx, ly, lz, shiny, material)
+    for channel in range(3):
+        value = albedo[channel] * tint[j, i, channel] if tint.shape[0] > 0 else albedo[channel]
+        image[j, i, channel] = value * lambert + highlight
+
+
 @njit
 def paint(rt, focal, lx, ly, lz, albedo, material, background, skips, box, depth, normal_image, tint, image):
     """Fill `image` (H,W,3) with the colour at each sample centre of the covered box and of one sample around it."""
     height, width = depth.shape
     shiny = material[SPECULAR] > 0.0 or skips & SHADING_TERMS == 0
-    vx = vy = vz = 0.0
     for j in range(max(0, box[0] - 1), min(height, box[1] + 2)):
         for i in range(max(0, box[2] - 1), min(width, box[3] + 2)):
             inside = box[0] <= j <= box[1] and box[2] <= i <= box[3]
@@ -69,13 +81,7 @@ def paint(rt, focal, lx, ly, lz, albedo, material, background, skips, box, depth
                 for channel in range(3):
                     image[j, i, channel] = background[channel]
                 continue
-            nx, ny, nz = normal_image[j, i, 0], normal_image[j, i, 1], normal_image[j, i, 2]
-            if shiny:
-                vx, vy, vz = towards_eye(rt, (i + 0.5 - width * 0.5) / focal, (j + 0.5 - height * 0.5) / focal)
-            lambert, highlight = lambert_and_highlight(nx, ny, nz, vx, vy, vz, lx, ly, lz, shiny, material)
-            for channel in range(3):
-                value = albedo[channel] * tint[j, i, channel] if tint.shape[0] > 0 else albedo[channel]
-                image[j, i, channel] = value * lambert + highlight
+            paint_sample(j, i, rt, focal, lx, ly, lz, albedo, material, shiny, height, width, normal_image, tint, image)
 
 
 @njit

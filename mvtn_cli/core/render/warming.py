@@ -49,7 +49,7 @@ def _jobs(kind: str, gradient: bool) -> list[Callable[[], object]]:
 
     if kind == "points":
         return [lambda: render(batch, cameras.detach(), look), *([teach] if gradient else [])]
-    matrices = camera_matrices(*(torch.full((1, 1), value) for value in (0.0, 0.0, 2.2))).numpy()
+    matrices = camera_matrices(cameras.azimuth_deg, cameras.elevation_deg, cameras.distance).detach().numpy()
     return [
         lambda: MeshScene(batch, look, cameras.fov_deg).see(matrices),
         lambda: MeshScene(batch, look, cameras.fov_deg).images(matrices),
