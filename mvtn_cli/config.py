@@ -124,6 +124,11 @@ class TrainConfig(LayoutConfig, PictureConfig, NetworkConfig, RunsConfig, Machin
     select: Literal["val", "test"] = option(
         "val", "Split that chooses the best epoch; test is the paper's habit, named in the report", "Training"
     )
+    precision: Literal["auto", "float32", "bf16"] = option(
+        "auto",
+        "Of the networks in training, bf16: mixed; auto: bf16 on GPUs that have it, else float32; cameras: float32",
+        "Training",
+    )
     seed: int = option(0, "Seed of everything random", "Training", ge=0, le=2**32 - 1)
     max_bad_steps: int = option(10, "Stop after so many steps without finite gradient", "Training", ge=1)
 

@@ -99,7 +99,8 @@ class Recogniser(nn.Module):
         cameras = placement.cameras
         if isinstance(self.network, PointClassifier):
             said = self.network(self._points(batch, generator))
-            images = said.logits.new_zeros((len(batch), 0, 3, look.image_size, look.image_size))
+            nothing = (len(batch), 0, 3, look.image_size, look.image_size)
+            images = torch.zeros(nothing, device=said.logits.device)
             return Output(said.logits, said.descriptor, cameras, images, said.extra)
         images = self.take_pictures(batch, look, placement)
         directions = camera_positions(cameras.azimuth_deg, cameras.elevation_deg, 1.0).to(images)

@@ -36,3 +36,10 @@ def use_threads(threads: int | None) -> None:
         return
     torch.set_num_threads(threads)
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+
+
+def use_mixed(precision: str, device: torch.device) -> bool:
+    """Whether networks are trained in bfloat16 where that is safe; `auto`: on GPUs that have it."""
+    if precision == "auto":
+        return device.type == "cuda" and torch.cuda.is_bf16_supported(including_emulation=False)
+    return precision == "bf16"

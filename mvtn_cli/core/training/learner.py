@@ -14,20 +14,29 @@ CLASSIFIER, VIEWPOINTS = "classifier", "viewpoint network"
 
 
 class Learner(nn.Module):
-    """From a batch to its loss: what Fabric wraps. Only tensors come out, as Fabric looks into all others."""
+    """From a batch to its loss: what Fabric wraps. Only tensors come out, as Fabric looks into all others.
 
-    def __init__(self, recogniser: Recogniser, label_smoothing: float) -> None:
+    Args:
+        recogniser: What learns.
+        label_smoothing: As in the settings.
+        mixed: Matrix products and convolutions in bfloat16, which has the range of float32: losses need no scaling.
+            Cameras and pictures stay in float32.
+    """
+
+    def __init__(self, recogniser: Recogniser, label_smoothing: float, *, mixed: bool = False) -> None:
         super().__init__()
         self.recogniser = recogniser
         self.label_smoothing = label_smoothing
+        self.mixed = mixed
 
     def forward(
         self, batch: ShapeBatch, look: Look, explore_deg: float, generator: torch.Generator
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Give loss (), logits (B, C) and images (B, M, 3, H, W), none of points; only the loss has a gradient."""
-        output = self.recogniser(batch, look, explore_deg=explore_deg, generator=generator)
-        labels = batch.labels.to(output.logits.device)
-        loss = self.recogniser.loss(output, labels, self.label_smoothing)
+        with torch.autocast(self.recogniser.device.type, torch.bfloat16, enabled=self.mixed):
+            output = self.recogniser(batch, look, explore_deg=explore_deg, generator=generator)
+            labels = batch.labels.to(output.logits.device)
+            loss = self.recogniser.loss(output, labels, self.label_smoothing)
         return loss, output.logits.detach(), output.images.detach()
 
 

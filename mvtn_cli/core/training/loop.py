@@ -19,7 +19,7 @@ from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
 from mvtn_cli.core.render import Look
 from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.training import judge, learner, schedules, tracking, watch
-from mvtn_cli.core.training.device import use_threads
+from mvtn_cli.core.training.device import use_mixed, use_threads
 from mvtn_cli.core.training.draws import look_of
 from mvtn_cli.core.training.find import find_or_create_run
 from mvtn_cli.core.training.fixed_views import load_batch, with_kept_views
@@ -124,7 +124,10 @@ def _train(
     use_threads(config.threads or team.threads)
     team.synchronise(model)
     optimisers = learner.build_optimisers(model, config)
-    loss_of, *stepping = team.fabric.setup(learner.Learner(model, config.label_smoothing), *optimisers.values())
+    mixed = use_mixed(config.precision, team.fabric.device)
+    loss_of, *stepping = team.fabric.setup(
+        learner.Learner(model, config.label_smoothing, mixed=mixed), *optimisers.values()
+    )
     viewpoints = dict(zip(optimisers, stepping, strict=True)).get(learner.VIEWPOINTS)
 
     if model.uses_views:
