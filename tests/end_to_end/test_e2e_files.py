@@ -43,16 +43,23 @@ def test_predict_answers_for_all_names_on_stdin_but_the_bad_one_and_knows_the_up
     assert "warning: bad one.off: unreadable: line 1: the header declares 3 vertices" in upright.err
     assert "1 of 5 files can't be used" in upright.err
 
-    lying = folder.mvtn(
-        *("predict", "-", "--run", demo.run, "--up", "z", "--on-bad", "skip", "--json"),
-        stdin=write_cones(folder, up="z"),
+    names = write_cones(folder, up="z")
+    lying, fallen = (
+        folder.mvtn("predict", "-", "--run", demo.run, *up, "--on-bad", "skip", "--json", stdin=names)
+        for up in (("--up", "z"), ())
     )
     assert lying.code == 0 and lying.document["bad"] == 1
     assert [(answer["file"], answer["class"]) for answer in lying.document["predictions"]] == [
         (answer["file"], answer["class"]) for answer in upright.lines
     ]
-    for one, other in zip(lying.document["predictions"], upright.lines, strict=True):
-        assert one["probability"] == pytest.approx(other["probability"], abs=1e-4)
+    # each file's points are drawn by themselves, and move its cameras a little
+    assert furthest(lying.document["predictions"], upright.lines) < 0.02
+    assert furthest(fallen.document["predictions"], upright.lines) > 0.05
+
+
+def furthest(answers: list[dict], others: list[dict]) -> float:
+    """The largest difference of two lists of probabilities."""
+    return max(abs(one["probability"] - other["probability"]) for one, other in zip(answers, others, strict=True))
 
 
 def test_predict_falls_silent_when_its_reader_has_enough(folder: Folder, demo: Demo):

@@ -115,8 +115,8 @@ def test_the_cameras_alone_are_those_of_an_evaluation_and_give_the_same_answers(
     assert np.allclose(elevation, found.elevation_deg, atol=1e-3)
     views = {"own": (azimuth, elevation), "turned": (azimuth + 40, elevation)}
     logits = recognise_from(model, shapes, indices, views, config, batch_size=7, console=QUIET)
-    assert np.allclose(logits["own"], found.logits, atol=1e-3)
-    assert np.abs(logits["turned"] - found.logits).max() > 1e-2
+    off = {name: np.abs(logits[name] - found.logits).max() for name in views}
+    assert off["own"] < 1e-4 and off["turned"] > 20 * off["own"]
 
 
 def test_the_class_mean_of_views_that_are_all_alike_changes_nothing():
