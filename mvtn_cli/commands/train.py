@@ -44,6 +44,10 @@ def train(options: TrainOptions, call: Call) -> ExitCode | None:
         )
     if together:
         return _train_with_others(config, call)
+    if options.devices > 1:
+        from mvtn_cli.core.training.device import shared_device
+
+        shared_device(config.device, options.devices)  # said once, before anything is begun
     prepared = open_shapes(config.dataset, config, call)
     if options.devices > 1:
         return _start_processes(options.devices, prepared, call)

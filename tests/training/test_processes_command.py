@@ -88,3 +88,9 @@ def test_an_error_is_said_once(folder: Folder):
 def test_a_comparison_refuses_several_processes(folder: Folder):
     ended = folder.mvtn("train", SHAPES, "--compare", "fixed,learned", "--devices", 2)
     assert ended.code == ExitCode.USAGE and "--compare" in ended.error[0]
+
+
+def test_a_device_that_can_not_be_shared_is_said_once_and_before_anything_else(folder: Folder):
+    ended = folder.mvtn("train", SHAPES, "--devices", 2, "--device", "cuda:9")
+    assert ended.code == ExitCode.USAGE and ended.err.count("error: ") == 1
+    assert "preprocess" not in ended.err

@@ -30,6 +30,28 @@ def choose_device(name: str = "auto") -> torch.device:
     return torch.device("cuda", device.index or 0) if device.type == "cuda" else device
 
 
+def shared_device(device: str, here: int) -> torch.device:
+    """The kind of device of all processes of a machine.
+
+    Raises:
+        UsageError: It is one device, or there are fewer than processes.
+    """
+    place = choose_device(device)
+    if place.type not in ("cpu", "cuda") or ":" in device:
+        raise UsageError(
+            f"several processes can't share device '{device}'",
+            hint="use --device cuda (each process takes a GPU of its own) or --device cpu",
+            code="device.shared",
+        )
+    if place.type == "cuda" and torch.cuda.device_count() < here:
+        raise UsageError(
+            f"{here} processes need a GPU each, and this machine has {torch.cuda.device_count()}",
+            hint=f"use --devices {torch.cuda.device_count()}, or --device cpu",
+            code="device.shared",
+        )
+    return place
+
+
 def use_threads(threads: int | None) -> None:
     """Let networks and renderer use this many CPU threads; None leaves both as they are."""
     if threads is None:

@@ -26,11 +26,11 @@ from torch.nn.parallel import DistributedDataParallel
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.synced import Exchange, Share, synchronise_batch_norm
 from mvtn_cli.core.preprocess.mapping import worker_count
-from mvtn_cli.core.training.device import choose_device
+from mvtn_cli.core.training.device import choose_device, shared_device
 from mvtn_cli.core.training.draws import WholeBatchDraws
 from mvtn_cli.core.training.launch import launcher_process, started_with_others
 from mvtn_cli.core.training.signals import StopNow
-from mvtn_cli.errors import MvtnError, UsageError
+from mvtn_cli.errors import MvtnError
 
 Result = TypeVar("Result")
 
@@ -238,7 +238,7 @@ def _join_others(device: str) -> Team:
     environment = TorchElasticEnvironment()
     size, rank = environment.world_size(), environment.global_rank()
     here = int(os.environ.get("LOCAL_WORLD_SIZE", size))
-    place = _place(device, here)
+    place = shared_device(device, here)
     # Statistics of BatchNorm are the same everywhere; which weights take part depends on the stage of the training.
     strategy = DDPStrategy(find_unused_parameters=True, timeout=PATIENCE, **UNSYNCED)
     fabric = Fabric(
@@ -246,25 +246,3 @@ def _join_others(device: str) -> Team:
     )
     fabric.launch()
     return Team(fabric, size, rank, here)
-
-
-def _place(device: str, here: int) -> torch.device:
-    """The kind of device of all processes of a machine.
-
-    Raises:
-        UsageError: It is one device, or there are fewer than processes.
-    """
-    place = choose_device(device)
-    if place.type not in ("cpu", "cuda") or ":" in device:
-        raise UsageError(
-            f"several processes can't share device '{device}'",
-            hint="use --device cuda (each process takes a GPU of its own) or --device cpu",
-            code="device.shared",
-        )
-    if place.type == "cuda" and torch.cuda.device_count() < here:
-        raise UsageError(
-            f"{here} processes need a GPU each, and this machine has {torch.cuda.device_count()}",
-            hint=f"use --devices {torch.cuda.device_count()}, or --device cpu",
-            code="device.shared",
-        )
-    return place
