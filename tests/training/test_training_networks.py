@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 import torch
+from safetensors.torch import save_file
 
 from mvtn_cli.config import TrainConfig
+from mvtn_cli.core.networks.weights import read_weights
 from mvtn_cli.core.training import schedules
 from mvtn_cli.core.training.find import default_name
 from mvtn_cli.core.training.loop import train
@@ -47,6 +49,16 @@ def test_the_views_of_another_run_stay_as_they_are(settings, boxes, quiet):
     second = train(config, boxes, quiet)
     mine, theirs = (predict(load_model(run), boxes, range(4), run.config, batch_size=4) for run in (second, first))
     assert torch.equal(torch.tensor(mine.azimuth_deg), torch.tensor(theirs.azimuth_deg))
+
+
+def test_weights_of_another_version_are_refused_in_one_sentence(settings, boxes, quiet):
+    run = train(settings(views="learned-spherical", epochs=1), boxes, quiet)
+    weights = read_weights(run.weights_path())
+    older = {name: tensor for name, tensor in weights.items() if not name.startswith("selector.encoder.last.")}
+    save_file(older, run.weights_path())
+    with pytest.raises(DataError, match=r"don't fit its config\.toml: .*encoder\.last\.weight") as refusal:
+        load_model(run)
+    assert "\n" not in refusal.value.message and "another version" in refusal.value.hint
 
 
 def test_settings_of_networks_that_do_not_go_together_are_refused(settings, boxes, quiet):

@@ -152,7 +152,12 @@ def load_model(run: Run, checkpoint: str = "best", device: torch.device | str = 
     try:
         model.load_state_dict(read_weights(path))
     except RuntimeError as error:
-        raise DataError(f"the weights in {path} don't fit its config.toml: {error}", code="run.weights") from error
+        reason = " ".join(str(error).split()).partition("Recogniser: ")[2]
+        raise DataError(
+            f"the weights in {path} don't fit its config.toml: {reason}",
+            hint="the run was made by another version of mvtn, or one of its files was changed: train it again",
+            code="run.weights",
+        ) from error
     model.to(choose_device(device) if isinstance(device, str) else device)
     return model.eval()
 
