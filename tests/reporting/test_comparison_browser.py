@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import html
-import json
-import re
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,10 +11,10 @@ import pytest
 from mvtn_cli.core.reporting.comparison import write_comparison
 
 sys.path.insert(0, str(Path(__file__).parent))
+from browser import needs_browser, try_page
 from made_up_runs import small_run
-from test_report_browser import BROWSER, FLAGS
 
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs a browser: chromium or google-chrome on the PATH")
+pytestmark = needs_browser
 TRY = (Path(__file__).parent / "try_comparison.js").read_text()
 SECONDS = {"slow": 900.0, "quick": 0.5, "middling": 9.0}  # an epoch of eight
 
@@ -29,13 +25,7 @@ def opened(folder: Path, *flags: str) -> tuple[dict[str, Any], list[str]]:
     (runs[0] / "report.html").write_text("one")
     page = folder / "comparison.html"
     write_comparison(runs, page, "mvtn report " + "a-long-name/" * 12)
-    page.write_text(page.read_text().replace("</body>", f"<script>{TRY}</script></body>"))
-    command = [str(BROWSER), *FLAGS, *flags, f"--user-data-dir={folder / 'profile'}", page.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
-    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-    result = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
-    assert result is not None, (console, done.stderr[-2000:])
-    return json.loads(html.unescape(result[1])), console
+    return try_page(page.read_text(), TRY, folder, *flags)
 
 
 @pytest.fixture(scope="module")

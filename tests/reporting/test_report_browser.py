@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import html
-import json
 import re
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,30 +12,18 @@ import pytest
 from mvtn_cli.core.reporting.report import write_report
 
 sys.path.insert(0, str(Path(__file__).parent))
+from browser import needs_browser, try_page
 from made_up import make_run
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs a browser: chromium or google-chrome on the PATH")
+pytestmark = needs_browser
 
-FLAGS = [
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync", "--enable-logging=stderr",
-    "--virtual-time-budget=3000", "--window-size=1000,800", "--dump-dom",
-]  # fmt: skip
 TRY = (Path(__file__).parent / "try_report.js").read_text()
 
 
 def opened(folder: Path, *flags: str) -> tuple[dict[str, Any], list[str]]:
     """What `try_report.js` found on the page, and the lines of the browser's console."""
     page = write_report(make_run(folder, [f"class {i}" for i in range(12)], size=24, analysis=True, skill=2.0))
-    tried = folder / "tried.html"
-    tried.write_text(page.read_text().replace("</body>", f"<script>{TRY}</script></body>"))
-    command = [str(BROWSER), *FLAGS, *flags, f"--user-data-dir={folder / 'profile'}", tried.as_uri()]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=200)
-    console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-    result = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
-    assert result is not None, (console, done.stderr[-2000:])
-    return json.loads(html.unescape(result[1])), console
+    return try_page(page.read_text(), TRY, folder, *flags)
 
 
 @pytest.fixture(scope="module")

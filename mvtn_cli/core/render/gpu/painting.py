@@ -11,6 +11,7 @@ import numpy as np
 from mvtn_cli.core.render.compiled import njit
 from mvtn_cli.core.render.edges import COLUMNS, PART, SHARE, SLOPE, between, blends, note
 from mvtn_cli.core.render.flow import add_edge, add_sample, reduce_to_camera
+from mvtn_cli.core.render.gpu.adding import add_up_block
 from mvtn_cli.core.render.gpu.compiled import THREADS, cuda, kernel
 from mvtn_cli.core.render.shade import SPECULAR, light_of, paint_sample
 from mvtn_cli.core.render.skips import SHADING_TERMS
@@ -178,16 +179,7 @@ def sum_slopes(
         terms[thread, 12 + p], terms[thread, 15 + p] = by_eye[p], by_light[p]
         for q in range(4):
             terms[thread, 4 * p + q] = moments[p, q]
-    half = THREADS // 2
-    while half > 0:
-        cuda.syncthreads()
-        if thread < half:
-            for term in range(TERMS):
-                terms[thread, term] += terms[thread + half, term]
-        half //= 2
-    if thread == 0:
-        for term in range(TERMS):
-            sums[n, cuda.blockIdx.x, term] = terms[0, term]
+    add_up_block(terms, sums[n, cuda.blockIdx.x])
 
 
 @kernel

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from mvtn_cli.core.render.compiled import njit
+from mvtn_cli.core.render.gpu.adding import add_up_block
 from mvtn_cli.core.render.gpu.compiled import SIMULATED, THREADS, cuda, device_function, kernel, launch
 from mvtn_cli.core.render.look import Look
 from mvtn_cli.core.render.points import (
@@ -144,16 +145,7 @@ def sum_slopes(order, camera, points, colors, radii, rts, shape_of, focal, cue, 
     for p in range(3):
         for q in range(4):
             terms[thread, 4 * p + q] = out[p, q]
-    half = THREADS // 2
-    while half > 0:
-        cuda.syncthreads()
-        if thread < half:
-            for term in range(TERMS):
-                terms[thread, term] += terms[thread + half, term]
-        half //= 2
-    if thread == 0:
-        for term in range(TERMS):
-            sums[n, cuda.blockIdx.x, term] = terms[0, term]
+    add_up_block(terms, sums[n, cuda.blockIdx.x])
 
 
 class GpuPointScene:
