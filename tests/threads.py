@@ -13,8 +13,8 @@ import torch
 def one_thread() -> Iterator[None]:
     """Pictures of 16 pixels are not worth a second thread."""
     before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(1)
     numba.set_num_threads(1)
+    torch.set_num_threads(1)
     yield
-    torch.set_num_threads(before[0])
     numba.set_num_threads(before[1])
+    torch.set_num_threads(before[0])

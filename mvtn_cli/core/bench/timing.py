@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 import numba
 import torch
 
+from mvtn_cli.core.training.device import use_threads
+
 
 @dataclass
 class Timing:
@@ -62,13 +64,12 @@ def timed(work: Callable[[], object]) -> float:
 def threads(count: int) -> Iterator[None]:
     """Let networks and renderer use `count` threads for a while."""
     before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(count)
-    numba.set_num_threads(count)
+    use_threads(count)
     try:
         yield
     finally:
-        torch.set_num_threads(before[0])
         numba.set_num_threads(before[1])
+        torch.set_num_threads(before[0])
 
 
 def most_threads() -> int:

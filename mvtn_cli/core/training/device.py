@@ -56,8 +56,9 @@ def use_threads(threads: int | None) -> None:
     """Let networks and renderer use this many CPU threads; None leaves both as they are."""
     if threads is None:
         return
-    torch.set_num_threads(threads)
+    # numba first: where its threads are OpenMP's, starting them gives torch as many as there are cores
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))  # type: ignore[attr-defined]
+    torch.set_num_threads(threads)
 
 
 def use_mixed(precision: str, device: torch.device) -> bool:
