@@ -89,6 +89,21 @@ def test_gradients_of_both_networks_are_those_of_one_process(name: str, two: Rep
         assert np.linalg.norm(both - gradient) < 1e-3 * np.linalg.norm(gradient)
 
 
+@pytest.mark.parametrize("shapes", [5, 1])
+@pytest.mark.parametrize("name", together.NORMS)
+def test_batch_norm_and_its_gradient_are_those_of_the_whole_batch(name: str, shapes: int, two: Reports):
+    """Against torch's own layer; of a single shape the second process has none of its own."""
+    one, parts = together.normed(None, name, shapes), [report["normed"][name][str(shapes)] for report in two[1]]
+    for key in ("normed", "to_input"):
+        both = np.concatenate([part[key] for part in parts if part[key]])
+        np.testing.assert_allclose(both, one[key], rtol=1e-4, atol=1e-5)
+    for whole, *each in zip(one["to_weights"], *(part["to_weights"] for part in parts), strict=True):
+        np.testing.assert_allclose(np.sum(each, 0), whole, rtol=1e-4, atol=1e-5)
+    for part in parts:
+        for mine, whole in zip(part["statistics"], one["statistics"], strict=True):
+            np.testing.assert_allclose(mine, whole, rtol=1e-5)
+
+
 def test_each_shape_is_judged_once_and_as_by_one_process(two: Reports):
     """Seven shapes in batches of two: three whole batches and one of a single shape for two processes."""
     one = json.loads(json.dumps(together.answers(None)))

@@ -11,6 +11,7 @@ from typing import Any
 
 import torch
 from torch import Tensor, distributed, nn
+from torch.autograd.function import once_differentiable
 from torch.nn import functional
 from torch.nn.modules.batchnorm import _BatchNorm
 
@@ -96,26 +97,78 @@ class SyncedBatchNorm(BatchNorm):
         self.train(layer.training)
 
     def forward(self, input: Tensor) -> Tensor:  # noqa: A002  (the base class's name)
-        if not self.training:
-            rows = input.flatten(0, -2) if self.channels_last else input
-            return functional.batch_norm(
+        assert self.running_mean is not None and self.running_var is not None
+        rows = input.flatten(0, -2) if self.channels_last else input
+        count = rows.numel() // self.num_features // self.exchange.share.present * self.exchange.share.total
+        if self.training and count > 1:
+            normed, mean, variance = NormByWholeBatch.apply(
+                rows, self.weight, self.bias, self.eps, count, self.exchange.group, self.exchange.share
+            )
+            self._remember(mean, variance * count / (count - 1))
+        else:  # a single row has no variance
+            normed = functional.batch_norm(
                 rows, self.running_mean, self.running_var, self.weight, self.bias, False, 0.0, self.eps
-            ).view_as(input)
-        values = input if self.channels_last else input.movedim(1, -1)
-        variance, mean = torch.var_mean(values.float(), tuple(range(values.ndim - 1)), correction=0)
-        normed = self.by_moments(values, mean, variance, values.shape[:-1].numel()).to(input.dtype)
-        return normed if self.channels_last else normed.movedim(-1, 1)
+            )
+        return normed.view_as(input)
 
     def by_moments(self, values: Tensor, mean: Tensor, variance: Tensor, count: int) -> Tensor:
         """As the base class's, from the moments of the rows of this process."""
-        share = self.exchange.share
-        mine = torch.stack([mean, variance])
-        each = [mine if rank == share.rank else torch.zeros_like(mine) for rank in range(share.size)]
-        means, variances = SumOfProcesses.apply(torch.stack(each), self.exchange.group).unbind(1)
-        weights = mean.new_tensor(share.weights)[:, None]
-        mean = (weights * means).sum(0)
-        variance = (weights * (variances + (means - mean).square())).sum(0)
+        share, group = self.exchange.share, self.exchange.group
+        mean, variance = _of_all(SumOfProcesses.apply(_apart(mean, variance, share), group), share)
         return super().by_moments(values, mean, variance, count // share.present * share.total)
+
+
+def _apart(mean: Tensor, variance: Tensor, share: Share) -> Tensor:
+    """Moments (C,) of this process in a tensor (processes, 2, C) that has room for those of the others."""
+    mine = torch.stack([mean, variance])
+    return torch.stack([mine if rank == share.rank else torch.zeros_like(mine) for rank in range(share.size)])
+
+
+def _of_all(each: Tensor, share: Share) -> tuple[Tensor, Tensor]:
+    """Mean and biased variance (C,) of all rows, from (processes, 2, C)."""
+    means, variances = each.unbind(1)
+    weights = means.new_tensor(share.weights)[:, None]
+    mean = (weights * means).sum(0)
+    return mean, (weights * (variances + (means - mean).square())).sum(0)
+
+
+class NormByWholeBatch(torch.autograd.Function):
+    """BatchNorm of the rows of this process by the moments of those of all processes, with torch's own kernels.
+
+    With x̂ = (x − mean) / std over all N rows, dx = w / std · (dy − Σdy / N − x̂ · Σ(dy · x̂) / N), where both sums are
+    over all processes (Ioffe and Szegedy 2015, section 3).
+    """
+
+    @staticmethod
+    def forward(
+        ctx, rows: Tensor, weight: Tensor, bias: Tensor, eps: float, count: int, group: Any, share: Share
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Give rows (N, C, ...) normalised, and mean and biased variance (C,) of all `count` rows."""
+        every = _apart(*torch.batch_norm_update_stats(rows.float(), None, None, 0.0), share)
+        distributed.all_reduce(every, group=group)
+        mean, variance = _of_all(every, share)
+        ctx.save_for_backward(rows, weight, mean, torch.rsqrt(variance + eps))
+        ctx.eps, ctx.count, ctx.group, ctx.counts_here = eps, count, group, share.own > 0
+        ctx.mark_non_differentiable(mean, variance)
+        return functional.batch_norm(rows, mean, variance, weight, bias, False, 0.0, eps), mean, variance
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, upstream: Tensor, *_: Tensor) -> tuple[Tensor | None, ...]:
+        rows, weight, mean, inverse = ctx.saved_tensors
+        _, to_weight, to_bias = torch.ops.aten.native_batch_norm_backward(
+            upstream, rows, weight, None, None, mean, inverse, True, ctx.eps, [False, True, True]
+        )
+        sums = torch.stack([to_weight, to_bias]).float()
+        distributed.all_reduce(sums, group=ctx.group)
+        slope = weight * inverse
+        # a borrowed shape has no part in the moments
+        along, level = -slope / ctx.count * sums if ctx.counts_here else torch.zeros_like(sums)
+        along = along * inverse
+        spread = (1, -1) + (1,) * (rows.ndim - 2)
+        to_rows = torch.addcmul((level - along * mean).view(spread), rows, along.view(spread))
+        to_rows = to_rows.addcmul_(upstream, slope.view(spread)).to(rows.dtype)
+        return to_rows, to_weight, to_bias, None, None, None, None
 
 
 class SumOfProcesses(torch.autograd.Function):
