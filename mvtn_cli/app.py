@@ -129,7 +129,7 @@ def _as_mvtn_error(error: BaseException, words: Sequence[str]) -> MvtnError:
     if hasattr(error, "format_message"):  # typer's own, whose class moved from click to typer in 0.26
         return _as_usage_error(error, words)
     told = " ".join(str(error).split()) or "no words"
-    if isinstance(error, MemoryError) or re.search("out of memory|not enough memory", told):
+    if isinstance(error, MemoryError) or re.search("out of memory|not enough memory|can't allocate memory", told):
         return MvtnError("out of memory", hint="try a smaller --batch-size or --image-size", code="memory")
     if isinstance(error, OSError) and error.errno in MACHINE_ERRORS:
         message = f"{error.filename or 'a file'}: {error.strerror}"

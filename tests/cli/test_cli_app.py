@@ -195,6 +195,10 @@ def test_a_bug_is_one_line_and_a_traceback_only_with_debug(mvtn: Mvtn, fake_comm
         (OSError(errno.ENAMETOOLONG, "File name too long", "xxx"), "xxx: File name too long"),
         (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
         (RuntimeError("CUDA out of memory. Tried to allocate"), "out of memory"),
+        (
+            RuntimeError("[enforce fail at alloc_cpu.cpp:127] DefaultCPUAllocator: can't allocate memory"),
+            "out of memory",
+        ),
         (MemoryError(), "out of memory"),
     ],
 )

@@ -109,7 +109,8 @@ class SyncedBatchNorm(BatchNorm):
             normed = functional.batch_norm(
                 rows, self.running_mean, self.running_var, self.weight, self.bias, False, 0.0, self.eps
             )
-        return normed.view_as(input)
+        # no needless view: an activation that works in place would copy all of its gradient
+        return normed.view_as(input) if self.channels_last else normed
 
     def by_moments(self, values: Tensor, mean: Tensor, variance: Tensor, count: int) -> Tensor:
         """As the base class's, from the moments of the rows of this process."""
