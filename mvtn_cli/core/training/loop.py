@@ -16,9 +16,11 @@ import torch
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
-from mvtn_cli.core.render import Look
+from mvtn_cli.core.networks.synced import Share
+from mvtn_cli.core.render import Look, ShapeBatch
 from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.training import judge, learner, schedules, tracking, watch
+from mvtn_cli.core.training.ahead import one_ahead
 from mvtn_cli.core.training.device import use_mixed, use_threads
 from mvtn_cli.core.training.draws import look_of
 from mvtn_cli.core.training.find import find_or_create_run
@@ -27,7 +29,7 @@ from mvtn_cli.core.training.position import Position, restore, save
 from mvtn_cli.core.training.randomness import epoch_batches, step_generator, step_seed
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.settle import settle_batch_norm
-from mvtn_cli.core.training.shapes import drawn_kind
+from mvtn_cli.core.training.shapes import Shapes, drawn_kind
 from mvtn_cli.core.training.signals import StopNow, StopRequest
 from mvtn_cli.core.training.split import Indices, shown_indices, training_indices
 from mvtn_cli.core.training.team import Team
@@ -152,9 +154,10 @@ def _train(
         teaching = viewpoints if model.stage == "shapes" else None
         learning = [optimiser for optimiser in stepping if optimiser is not viewpoints or teaching is not None]
         model.train()
-        with console.progress(f"epoch {epoch + 1}/{config.epochs}", steps) as ticker:
+        title, loads = f"epoch {epoch + 1}/{config.epochs}", _loads(team, shapes, batches[position.step :], config)
+        with console.progress(title, steps) as ticker, one_ahead(loads) as loaded:
             ticker.advance(position.step)
-            while position.step < steps:
+            for batch, kind in loaded:
                 # Schedules, and the randomness of this step: all from (seed, epoch, step).
                 step = position.step
                 done = schedules.progress_in_stage(config, epoch, step, steps)
@@ -164,7 +167,6 @@ def _train(
 
                 # Forward and backward; with several processes this one has a share of the batch.
                 share = team.share(batches[step])
-                batch, kind = load_batch(shapes, batches[step][share.rows], config.render)
                 look = look_of(share, Look.training(config, share.total, kind, generator))
                 buffers = learner.copy_buffers(model)
                 with team.drawing():
@@ -245,6 +247,14 @@ def _train(
         if not collapse_told and (warning := judge.view_warning(record, config)):
             console.warn(warning)
             collapse_told = True
+
+
+def _loads(
+    team: Team, shapes: Shapes, batches: Sequence[list[int]], config: TrainConfig
+) -> list[Callable[[], tuple[ShapeBatch, str]]]:
+    """What loads this process's share of each batch."""
+    shares = [(batch, Share(len(batch), team.rank, team.size)) for batch in batches]
+    return [partial(load_batch, shapes, batch[share.rows], config.render) for batch, share in shares]
 
 
 def _check_all(team: Team, stopping: StopRequest) -> None:
