@@ -18,13 +18,14 @@ class BatchNorm(nn.BatchNorm1d):
 
     def forward(self, input: Tensor) -> Tensor:  # noqa: A002  (the base class's name)
         rows = input.flatten(0, -2)
-        if self.training and len(rows) == 1:
-            normed = functional.batch_norm(
-                rows, self.running_mean, self.running_var, self.weight, self.bias, False, 0.0, self.eps
-            )
-        else:
-            normed = super().forward(rows)
+        normed = self.by_running(rows) if self.training and len(rows) == 1 else super().forward(rows)
         return normed.view_as(input)
+
+    def by_running(self, rows: Tensor) -> Tensor:
+        """Normalise (N, C, ...) by the running statistics, in training, too."""
+        return functional.batch_norm(
+            rows, self.running_mean, self.running_var, self.weight, self.bias, False, 0.0, self.eps
+        )
 
     def by_moments(self, values: Tensor, mean: Tensor, variance: Tensor, count: int) -> Tensor:
         """Normalise (..., C) by the moments of something larger that `values` were taken from.

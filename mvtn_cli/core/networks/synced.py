@@ -97,7 +97,6 @@ class SyncedBatchNorm(BatchNorm):
         self.train(layer.training)
 
     def forward(self, input: Tensor) -> Tensor:  # noqa: A002  (the base class's name)
-        assert self.running_mean is not None and self.running_var is not None
         rows = input.flatten(0, -2) if self.channels_last else input
         count = rows.numel() // self.num_features // self.exchange.share.present * self.exchange.share.total
         if self.training and count > 1:
@@ -106,9 +105,7 @@ class SyncedBatchNorm(BatchNorm):
             )
             self._remember(mean, variance * count / (count - 1))
         else:  # a single row has no variance
-            normed = functional.batch_norm(
-                rows, self.running_mean, self.running_var, self.weight, self.bias, False, 0.0, self.eps
-            )
+            normed = self.by_running(rows)
         # no needless view: an activation that works in place would copy all of its gradient
         return normed.view_as(input) if self.channels_last else normed
 

@@ -16,7 +16,6 @@ import torch
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
-from mvtn_cli.core.networks.synced import Share
 from mvtn_cli.core.render import Look, ShapeBatch
 from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.training import judge, learner, schedules, tracking, watch
@@ -253,8 +252,7 @@ def _loads(
     team: Team, shapes: Shapes, batches: Sequence[list[int]], config: TrainConfig
 ) -> list[Callable[[], tuple[ShapeBatch, str]]]:
     """What loads this process's share of each batch."""
-    shares = [(batch, Share(len(batch), team.rank, team.size)) for batch in batches]
-    return [partial(load_batch, shapes, batch[share.rows], config.render) for batch, share in shares]
+    return [partial(load_batch, shapes, batch[team.share_of(batch).rows], config.render) for batch in batches]
 
 
 def _check_all(team: Team, stopping: StopRequest) -> None:

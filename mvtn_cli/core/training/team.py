@@ -191,8 +191,12 @@ class Team:
 
     def share(self, batch: list[int]) -> Share:
         """Which shapes of a batch are this process's; holds for BatchNorm until the next call."""
-        self._exchange.share = Share(len(batch), self.rank, self.size)
+        self._exchange.share = self.share_of(batch)
         return self._exchange.share
+
+    def share_of(self, batch: list[int]) -> Share:
+        """The same, for a batch whose turn has not come yet."""
+        return Share(len(batch), self.rank, self.size)
 
     def drawing(self) -> AbstractContextManager[Any]:
         """What is drawn at random inside is a part of what is drawn for the whole batch."""
