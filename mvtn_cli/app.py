@@ -130,7 +130,8 @@ def _as_mvtn_error(error: BaseException, words: Sequence[str]) -> MvtnError:
         return _as_usage_error(error, words)
     told = " ".join(str(error).split()) or "no words"
     if isinstance(error, MemoryError) or re.search("out of memory|not enough memory|can't allocate memory", told):
-        return MvtnError("out of memory", hint="try a smaller --batch-size or --image-size", code="memory")
+        hint = "try --batch-size auto, a smaller one, or a smaller --image-size"
+        return MvtnError("out of memory", hint=hint, code="memory")
     if isinstance(error, OSError) and error.errno in MACHINE_ERRORS:
         message = f"{error.filename or 'a file'}: {error.strerror}"
         return MvtnError(message, hint=MACHINE_ERRORS[error.errno], code="machine")

@@ -33,6 +33,7 @@ from mvtn_cli.shared_config import (
     Selection,
     ShapesConfig,
     SkipConfig,
+    StepsConfig,
     learned_selection,
 )
 from mvtn_cli.sweep_config import VaryConfig
@@ -170,6 +171,15 @@ class TrainConfig(LayoutConfig, PictureConfig, NetworkConfig, RunsConfig, Machin
 class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
     """`mvtn train`: a training, or several that are compared."""
 
+    batch_size: int | None = option(  # type: ignore[assignment]
+        32,
+        "Shapes a step; auto: a power of two that fits into memory, up to 32, or up to 256 where epochs are long",
+        "Training",
+        ge=1,
+        le=4096,
+        auto=True,
+    )
+
     compare: str | None = option(
         None,
         "Instead of --views: train with each of these and compare, as fixed,jittered,learned",
@@ -191,8 +201,10 @@ class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
         return {**values, "views": "learned-direct" if "learned-direct" in names else names[0]}
 
     def training(self) -> TrainConfig:
-        """The settings of one training, or those that all trainings of a comparison share."""
+        """The settings of one training, or those that all trainings of a comparison share; `auto` is the default."""
         besides = {"compare", "seeds", "devices", "preset", "no_skip", "explain"}
+        if self.batch_size is None:
+            besides.add("batch_size")
         return TrainConfig.model_validate(self.model_dump(exclude=besides))
 
     def selections(self) -> list[str]:
@@ -208,7 +220,7 @@ class SweepConfig(TrainConfig, VaryConfig, PresetConfig, SkipConfig):
         return TrainConfig.model_validate(self.model_dump(include=set(TrainConfig.model_fields)))
 
 
-class EvalConfig(RunsConfig, MachineConfig, SkipConfig):
+class EvalConfig(RunsConfig, MachineConfig, StepsConfig, SkipConfig):
     """What to measure of a finished training."""
 
     run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True)
@@ -219,11 +231,10 @@ class EvalConfig(RunsConfig, MachineConfig, SkipConfig):
         False, "Also measure what learned views are worth, and how much of the class they give away", "Measure"
     )
     seed: int = option(0, "Seed of the random forests", "Measure", ge=0, le=2**32 - 1)
-    batch_size: int = option(32, "Shapes a step", "Machine", ge=1, le=4096)
     out: Path | None = option(None, "For tables and report; auto: the run", "Run", metavar="DIR", short="-o")
 
 
-class PredictConfig(FilesConfig, RunsConfig, MachineConfig):
+class PredictConfig(FilesConfig, RunsConfig, MachineConfig, StepsConfig):
     """Classes of single files."""
 
     files: tuple[str, ...] = option(
@@ -235,7 +246,14 @@ class PredictConfig(FilesConfig, RunsConfig, MachineConfig):
     run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run")
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     top: int = option(1, "Classes to name for each file, likeliest first", "Answer", ge=1, le=1000)
-    batch_size: int = option(16, "Files a step; answers come after each", "Machine", ge=1, le=4096)
+    batch_size: int | None = option(
+        16,
+        "Files a step; answers come after each; auto: as many as in the run's training",
+        "Machine",
+        ge=1,
+        le=4096,
+        auto=True,
+    )
 
 
 class CacheConfig(CachedConfig):

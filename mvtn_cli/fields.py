@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic.fields import FieldInfo
 
-OWN = ("metavar", "short", "argument", "many", "also", "words")
+OWN = ("metavar", "short", "argument", "many", "also", "words", "auto")
 
 
 def option(default: Any, description: str, panel: str, **more: Any) -> Any:
@@ -18,7 +19,8 @@ def option(default: Any, description: str, panel: str, **more: Any) -> Any:
         panel: Under which heading `--help` shows it.
         more: Limits for pydantic (`ge`, `le`, `gt`, `lt`, `pattern`), or for the command line `metavar`,
             `short`, `argument` (positional; "many" takes several), `many` (an option that may be repeated), `also`
-            (further words that the field takes) and `words` (says what a pattern allows).
+            (further words that the field takes), `words` (says what a pattern allows) and `auto` (None can be wished
+            for, by this word, though it is not the default).
     """
     own: dict[str, Any] = {"panel": panel}
     own |= {key: more.pop(key) for key in OWN if key in more}
@@ -52,8 +54,14 @@ class Config(BaseModel):
         """Read `auto` as None where None is the default: so a file can say it and an option undo a file."""
         if not isinstance(values, dict):
             return values
-        fields = cls.model_fields
         return {
-            key: None if value == "auto" and key in fields and fields[key].default is None else value
+            key: None if value == "auto" and _takes_auto(cls.model_fields.get(key)) else value
             for key, value in values.items()
         }
+
+
+def _takes_auto(field: FieldInfo | None) -> bool:
+    if field is None:
+        return False
+    extra = field.json_schema_extra
+    return field.default is None or (isinstance(extra, dict) and "auto" in extra)

@@ -9,12 +9,12 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from mvtn_cli.errors import UsageError
 from mvtn_cli.fields import option, several
-from mvtn_cli.shared_config import ClusterConfig, FilesConfig, MachineConfig, RunsConfig, SkipConfig
+from mvtn_cli.shared_config import ClusterConfig, FilesConfig, MachineConfig, RunsConfig, SkipConfig, StepsConfig
 
 Cuts = Annotated[tuple[Annotated[int, Field(ge=1)], ...], BeforeValidator(several), Field(min_length=1, max_length=20)]
 
 
-class RetrieveConfig(FilesConfig, RunsConfig, MachineConfig, ClusterConfig, SkipConfig):
+class RetrieveConfig(FilesConfig, RunsConfig, MachineConfig, ClusterConfig, StepsConfig, SkipConfig):
     """Finding shapes by shapes, and how good that is."""
 
     run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True)
@@ -55,7 +55,6 @@ class RetrieveConfig(FilesConfig, RunsConfig, MachineConfig, ClusterConfig, Skip
     )
     seed: int = option(0, "Of limited shapes, pictured queries and random views", "Data", ge=0, le=2**32 - 1)
     figure: int = option(5, "Queries in the figure; 0: none", "Answer", ge=0, le=50)
-    batch_size: int = option(32, "Shapes a step", "Machine", ge=1, le=4096)
     out: Path | None = option(
         None,
         "Folder for tables and pictures, with shrec17 also its result files; auto: in the run, no result files",

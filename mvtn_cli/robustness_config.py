@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from mvtn_cli.fields import option, several
-from mvtn_cli.shared_config import ClusterConfig, MachineConfig, RunsConfig, SkipConfig
+from mvtn_cli.shared_config import ClusterConfig, MachineConfig, RunsConfig, SkipConfig, StepsConfig
 
 
 def _in_full(value: Any) -> Any:
@@ -45,7 +45,7 @@ Directions = Annotated[tuple[Literal["+x", "-x", "+y", "-y", "+z", "-z"], ...], 
 PAPER_ROTATE, PAPER_OCCLUDE = (90.0, 180.0), (0.1, 0.2, 0.3, 0.5, 0.75)
 
 
-class RobustnessConfig(RunsConfig, MachineConfig, ClusterConfig, SkipConfig):
+class RobustnessConfig(RunsConfig, MachineConfig, ClusterConfig, StepsConfig, SkipConfig):
     """What is done to the test shapes before runs have to recognise them."""
 
     run: Annotated[tuple[str, ...], BeforeValidator(_one_or_several)] = option(
@@ -79,7 +79,6 @@ class RobustnessConfig(RunsConfig, MachineConfig, ClusterConfig, SkipConfig):
     limit: int | None = option(
         None, "Use only this many test shapes, as many of each class as can be; auto: all", "Data", ge=1
     )
-    batch_size: int = option(32, "Shapes a step", "Machine", ge=1, le=4096)
     out: Path | None = option(
         None, "For table and plots; auto: the run, for several runs RUNS/robustness", "Run", metavar="DIR", short="-o"
     )

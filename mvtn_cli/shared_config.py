@@ -65,6 +65,18 @@ class MachineConfig(ShapesConfig):
     threads: int | None = option(None, "CPU threads; auto: all cores", "Machine", ge=1, le=1024)
 
 
+class StepsConfig(Config):
+    """For commands that take the shapes of a finished training in steps; no answer depends on how many at a time."""
+
+    batch_size: int | None = option(
+        32, "Shapes a step; auto: as many as in the run's training", "Machine", ge=1, le=4096, auto=True
+    )
+
+    def shapes_a_step(self, of_training: int) -> int:
+        """How many, where the training had `of_training`."""
+        return self.batch_size or of_training
+
+
 class SkipConfig(Config):
     """For commands that draw: what a scene does not need is left out, and told on request."""
 

@@ -33,7 +33,7 @@ def predict(config: PredictConfig, call: Call) -> None:
     up = up_axis(config.up, run)
     bad = 0
     with call.console.progress("predict", len(files)) as ticker:
-        for batch in _batches(files, config.batch_size):
+        for batch in _batches(files, config.shapes_a_step(run.config.batch_size)):
             prepared, failed = open_files(batch, up, run, config, call)
             bad += len(failed)
             for answer in _answers(run, model, prepared, batch, config):
@@ -61,7 +61,7 @@ def _answers(
 
     if prepared is None:
         return
-    found = classify(model, prepared, range(len(prepared)), run.config, batch_size=config.batch_size)
+    found = classify(model, prepared, range(len(prepared)), run.config, batch_size=len(batch))
     rows = dict(zip((record.source for record in prepared.records), probabilities(found.logits), strict=True))
     for file in batch:
         if (row := rows.get(str(Path(file).absolute()))) is None:

@@ -176,7 +176,7 @@ def _wanted(error: Any, extra: Mapping[str, Any]) -> str:
         case "less_than":
             return f"less than {_limit(limits['lt'])}"
         case "int_parsing" | "int_type" | "int_from_float" | "int_parsing_size":
-            return "a whole number"
+            return "a whole number or auto" if "auto" in extra else "a whole number"
         case "float_parsing" | "float_type" | "finite_number":
             return "a number"
         case "bool_parsing" | "bool_type":

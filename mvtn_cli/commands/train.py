@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mvtn_cli.commands.eval import measure
@@ -43,7 +44,7 @@ def train(options: TrainOptions, call: Call) -> ExitCode | None:
             code="train.one-process",
         )
     if together:
-        return _train_with_others(config, call)
+        return _train_with_others(options, config, call)
     if options.devices > 1:
         from mvtn_cli.core.training.device import shared_device
 
@@ -51,6 +52,8 @@ def train(options: TrainOptions, call: Call) -> ExitCode | None:
     prepared = open_shapes(config.dataset, config, call)
     if options.devices > 1:
         return _start_processes(options.devices, prepared, call)
+    if options.batch_size is None:
+        config = _sized(config, prepared, call)
     if options.compare:
         _compare(options, config, prepared, call)
         return None
@@ -70,7 +73,18 @@ def _start_processes(count: int, prepared: Prepared, call: Call) -> ExitCode:
     return code
 
 
-def _train_with_others(config: TrainConfig, call: Call) -> ExitCode | None:
+def _sized(config: TrainConfig, prepared: Prepared, call: Call, *, here: int = 1, size: int = 1) -> TrainConfig:
+    """The same training with as many shapes a step as fit into memory; `here` and `size` count its processes."""
+    from mvtn_cli.core.training.batch_size import fitting_batch_size
+    from mvtn_cli.core.training.split import training_indices
+
+    shapes = len(training_indices(config, prepared).train)
+    chosen = fitting_batch_size(config, len(prepared.classes), shapes, here=here, size=size)
+    call.console.note(f"batch size {chosen} (auto)")
+    return config.model_copy(update={"batch_size": chosen})
+
+
+def _train_with_others(options: TrainOptions, config: TrainConfig, call: Call) -> ExitCode | None:
     """Train as one of several processes; the first one speaks, measures and answers."""
     os.environ.setdefault("TORCH_CPP_LOG_LEVEL", "ERROR")  # before torch is there: its warnings come once a process
     from mvtn_cli.core.training.device import use_threads
@@ -84,6 +98,9 @@ def _train_with_others(config: TrainConfig, call: Call) -> ExitCode | None:
     try:
         with team.watched():
             prepared = team.in_turn(lambda: open_shapes(config.dataset, config, call))
+            if options.batch_size is None:
+                chosen = partial(_sized, config, prepared, call, here=team.here, size=team.size)
+                config = team.alone(chosen)
         run = train_run(config, prepared, call.console)
     except MvtnError as error:
         if team.is_told_elsewhere(error):
@@ -161,6 +178,12 @@ def _plan(options: TrainOptions, config: TrainConfig, call: Call) -> None:
     trainings = len(options.selections()) * options.seeds or 1
     shapes = min(dataset.count("train"), config.train_limit or dataset.count("train"))
     held_out = 0 if config.select == "test" or dataset.count("val") else round(config.val_fraction * shapes)
+    batch_size = options.batch_size
+    if batch_size is None:
+        from mvtn_cli.core.training.batch_size import fitting_batch_size
+
+        here = options.devices
+        batch_size = fitting_batch_size(config, len(dataset.classes), shapes - held_out, here=here, size=here)
     plan = {
         "dataset": dataset.spec,
         "classes": len(dataset.classes),
@@ -172,7 +195,8 @@ def _plan(options: TrainOptions, config: TrainConfig, call: Call) -> None:
         "image_size": config.image_size,
         "backbone": config.backbone,
         "epochs": config.epochs,
-        "steps": config.epochs * -(-(shapes - held_out) // config.batch_size),
+        "batch_size": batch_size,
+        "steps": config.epochs * -(-(shapes - held_out) // batch_size),
         "trainings": trainings,
         "runs": str(config.runs),
     }

@@ -212,6 +212,8 @@ def test_train_dry_run_tells_the_plan_and_writes_nothing(own_folder: Path, own_c
     plan = mvtn(*words).document
     assert (plan["train"], plan["val"], plan["test"], plan["steps"], plan["trainings"]) == (43, 5, 24, 15, 1)
     assert mvtn(*words, "--compare", "fixed,learned", "--seeds", 2).document["trainings"] == 4
+    plan = mvtn(*words, "--batch-size", "auto").document
+    assert (plan["batch_size"], plan["steps"]) == (32, 6)
     assert not own_cache.exists() and not list(own_folder.iterdir())
 
 
@@ -254,7 +256,7 @@ def fake_model(fake_module: FakeModule, monkeypatch: pytest.MonkeyPatch) -> Simp
     run = SimpleNamespace(
         path=Path("runs/r"),
         classes=("chair", "table", "mug"),
-        config=None,
+        config=SimpleNamespace(batch_size=2),
         info={"title": "set, z up: 4", "preprocess": {"max_vertices": 100, "num_points": 32, "seed": 0}},
     )
 
@@ -304,6 +306,8 @@ def test_predict_streams_batches_of_names_from_standard_input(
     assert result.code == 0
     assert [json.loads(line)["file"] for line in result.out.splitlines()] == names
     assert fake_model.batches == [2, 2, 1]
+    assert mvtn("predict", *names, "-j", 1, "--batch-size", "auto").code == 0
+    assert fake_model.batches[3:] == [2, 2, 1]  # as in training
     lines = mvtn("predict", "-", "-j", 1, stdin="with space.off\r\nsub/e.off\n\n")
     assert [line.split("\t")[0] for line in lines.out.splitlines()] == ["with space.off", "sub/e.off"]
 

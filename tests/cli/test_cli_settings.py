@@ -70,6 +70,16 @@ def test_auto_undoes_what_a_file_says():
     assert origins["explore"] == "--explore"
 
 
+def test_auto_can_be_wished_for_where_it_is_not_the_default():
+    Path("mvtn.toml").write_text("batch_size = 8\n")
+    options, _ = train({"batch_size": "auto"})
+    assert options.batch_size is None and options.training().batch_size == 32  # until it is worked out
+    Path("mvtn.toml").write_text("batch_size = 'auto'\n")
+    for command in ("train", "eval", "predict", "retrieve", "robustness"):
+        assert resolve(MODELS[command], {}, None, command)[0].batch_size is None
+    assert EvalConfig(batch_size=None).shapes_a_step(20) == 20 and EvalConfig(batch_size=3).shapes_a_step(20) == 3
+
+
 @pytest.mark.parametrize("command", MODELS)
 def test_the_written_configuration_reads_back_the_same(command: str):
     config = MODELS[command]()
@@ -119,6 +129,8 @@ def test_one_name_means_one_type_everywhere():
         ({"val_fraction": "1"}, "--val-fraction must be less than 1, got 1"),
         ({"epochs": "many"}, "--epochs must be a whole number, got 'many'"),
         ({"epochs": "1.5"}, "--epochs must be a whole number, got 1.5"),
+        ({"epochs": "auto"}, "--epochs must be a whole number, got 'auto'"),
+        ({"batch_size": "many"}, "--batch-size must be a whole number or auto, got 'many'"),
         ({"lr": "nan"}, "--lr must be a number, got nan"),
         ({"lr": ""}, "--lr must be a number, got ''"),
         ({"device": "gpu"}, "--device must be auto, cpu, cuda, cuda:N or mps, got 'gpu'"),

@@ -42,10 +42,13 @@ def wait_for_epochs(folder: Folder, count: int, process: subprocess.Popen[bytes]
 def test_torchrun_trains_judges_every_shape_once_and_answers_once(folder: Folder):
     """Thirteen shapes to train on and five to test with, none of which two processes can halve."""
     launch = ("python", "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", 2, "-m", "mvtn_cli")
-    ended = folder.run(*launch, "train", SHAPES, *TINY, "--epochs", 1, "--json")
+    ended = folder.run(*launch, "train", SHAPES, *TINY, "--batch-size", "auto", "--epochs", 1, "--json")
     assert ended.code == ExitCode.OK, ended.err
     assert ended.document["test"]["count"] == 5 and ended.document["run"] == os.path.join("runs", "mine")
-    assert ended.err.count("epoch 1/1") == 1 and ended.err.count("trained runs") == 1
+    assert (
+        ended.err.count("batch size 32 (auto)") == ended.err.count("epoch 1/1") == 1
+        and ended.err.count("trained runs") == 1
+    )
     assert [path.name for path in (folder.path / "runs").iterdir()] == ["mine"]
     assert len((folder.path / "runs" / "mine" / "metrics.jsonl").read_text().splitlines()) == 1
 

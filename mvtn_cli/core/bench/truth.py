@@ -10,12 +10,12 @@ which discs cover and hide each other within a pixel.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
 import numba
 import numpy as np
+import psutil
 from torch import Tensor
 
 from mvtn_cli.console import Ticker
@@ -25,7 +25,6 @@ from mvtn_cli.core.render import Look, ShapeBatch, render
 from mvtn_cli.core.render.mesh import MeshScene, camera_matrices
 
 BYTES_A_SAMPLE = 34  # of the renderer's buffers, while a view is drawn
-CAREFUL_BYTES = 2_000_000_000  # where the system does not tell what is free
 GOLDEN = 0.5 * (5**0.5 - 1)
 Drawing = Callable[[np.ndarray, np.ndarray], np.ndarray]  # angles (N, 2) and shift (2,) to images (N, 3, H, W)
 
@@ -116,11 +115,7 @@ def images_of_truth(num_views: int, setting: TruthSetting) -> int:
 
 def views_at_once(side: int) -> int:
     """How many views of `side` samples squared fit into half the free memory; at most one a thread."""
-    try:
-        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        free = 2 * CAREFUL_BYTES
-    fitting = int(free / 2 / (BYTES_A_SAMPLE * side * side))
+    fitting = int(psutil.virtual_memory().available / 2 / (BYTES_A_SAMPLE * side * side))
     return max(1, min(numba.get_num_threads(), fitting))
 
 

@@ -70,7 +70,8 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
 
     seeded = settings.model_copy(update={"seed": config.seed})  # of random views
     shapes = with_kept_views(prepared, settings, console)
-    found = predict(model, shapes, indices, seeded, batch_size=config.batch_size, console=console)
+    batch_size = config.shapes_a_step(settings.batch_size)
+    found = predict(model, shapes, indices, seeded, batch_size=batch_size, console=console)
     sources = [prepared.records[i].source for i in indices]
     document = {
         "schema": SCHEMA,
@@ -89,7 +90,7 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
         train = split_indices(settings, prepared, "train")
         document["view_analysis"] = view_analysis(
             *(model, prepared, train, indices, found, seeded, run.classes),
-            batch_size=config.batch_size, seed=config.seed, console=console,
+            batch_size=batch_size, seed=config.seed, console=console,
         )  # fmt: skip
     document |= provenance(run, prepared, config)
     folder = results_folder(run.path, config.split, config.checkpoint, config.out)
@@ -301,7 +302,7 @@ def provenance(run: Run, prepared: Prepared, config: EvalConfig) -> dict[str, An
             "torchvision": metadata.version("torchvision"),
             "numpy": np.__version__,
         },
-        "batch_size": config.batch_size,
+        "batch_size": config.shapes_a_step(run.config.batch_size),
     }
 
 

@@ -93,7 +93,9 @@ class EdgeConv(nn.Module):
 def _moments(own: Tensor, other: Tensor, bags: Tensor) -> tuple[Tensor, Tensor]:
     """Mean and variance (C,) of own[i] + other[j] over all rows i and the K rows j of bags[i]."""
     count = bags.shape[1]
-    often = torch.bincount(bags.flatten(), minlength=len(other)).to(other)[:, None] / bags.numel()
+    hits = other.new_ones(1).expand(bags.numel())
+    # not bincount, for whose result a GPU is waited for
+    often = other.new_zeros(len(other)).scatter_add_(0, bags.flatten(), hits)[:, None] / bags.numel()
     mean_own, mean_other = own.mean(dim=0), (often * other).sum(dim=0)
     own, other = own - mean_own, other - mean_other  # first, so that no digits are lost in the squares
     together = (own * functional.embedding_bag(bags, other, mode="sum")).mean(dim=0) / count

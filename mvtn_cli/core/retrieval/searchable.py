@@ -61,8 +61,9 @@ def open_searchable(run: Run, prepared: Prepared, config: RetrieveConfig, consol
     """
     check_classes(run, prepared)
     store = Store(cache_root(config.cache))
+    batch_size = config.shapes_a_step(run.config.batch_size)
     describer = Describer(
-        run, config.checkpoint, config.device, config.batch_size, config.seed, store, console,
+        run, config.checkpoint, config.device, batch_size, config.seed, store, console,
         config.scheduler, config.threads, config.no_skip,
     )  # fmt: skip
     indices = limited(prepared, labelled(prepared, "train"), config.gallery_limit, config.seed)

@@ -69,10 +69,11 @@ def evaluate(
         ticker: Counts shapes.
     """
     begun = time.monotonic()
-    served = CorruptedShapes(shapes, corruption, capacity=config.batch_size + 1)
+    batch_size = config.shapes_a_step(run.config.batch_size)
+    served = CorruptedShapes(shapes, corruption, capacity=batch_size + 1)
     settings = run.config.model_copy(update={"seed": config.seed})  # of random views
-    each_batch, rest = _counting(ticker, config.batch_size, len(indices))
-    found = predict(model, served, indices, settings, batch_size=config.batch_size, each_batch=each_batch)
+    each_batch, rest = _counting(ticker, batch_size, len(indices))
+    found = predict(model, served, indices, settings, batch_size=batch_size, each_batch=each_batch)
     rest()
     judged = metrics(found.labels, found.logits, run.classes)
     finite = np.isfinite(found.logits).all(axis=1)

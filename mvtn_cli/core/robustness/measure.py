@@ -148,5 +148,5 @@ def _common_key(run: Run, prepared: Any, indices: Sequence[int], config: Robustn
     parts = [FORMAT, __version__, seeing_version(), str(active_skips()), prepared.address]
     parts += [",".join(map(str, indices)), settings.model_dump_json(exclude=set(NOT_SETTINGS))]
     if settings.views == "random":
-        parts += [str(config.seed), str(config.batch_size)]
+        parts += [str(config.seed), str(config.shapes_a_step(settings.batch_size))]
     return digest(*parts, run.require_weights(config.checkpoint).read_bytes())
