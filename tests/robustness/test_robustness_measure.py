@@ -68,12 +68,12 @@ def test_views_that_are_kept_of_a_shape_are_never_shown_for_what_has_become_of_i
     toy.store = Store(tmp_path / "store")
     run = make_run(toy, views="fixed")
     model, indices = load_model(run, device="cpu"), toy.split("test")
-    kept = with_kept_views(toy, run.config, QUIET)
+    kept = with_kept_views(toy, run.config, QUIET, model.device)
     assert isinstance(kept, KeptShapes)
     clean = predict(model, kept, indices, run.config, batch_size=8).logits
     assert any((tmp_path / "store" / "views").rglob("*.npz"))
     corrupted = CorruptedShapes(toy, Corruption("occlude", 0.5, "+y", "extent"))
-    assert with_kept_views(corrupted, run.config, QUIET) is corrupted
+    assert with_kept_views(corrupted, run.config, QUIET, model.device) is corrupted
     before = tally().rasterised
     shown = predict(model, corrupted, indices, run.config, batch_size=8).logits
     assert tally().rasterised > before

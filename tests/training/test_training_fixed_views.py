@@ -21,6 +21,7 @@ from mvtn_cli.core.training.checkpoint import read_weights
 from mvtn_cli.core.training.predict import load_model
 from mvtn_cli.core.training.run import Run
 
+CPU = torch.device("cpu")
 VARIED = {"color": "random", "light": "random"}
 
 
@@ -106,7 +107,7 @@ def test_a_second_run_and_its_evaluation_rasterise_nothing(settings, stored_boxe
     # the test split is new, and then no more
     tests = 2 * len(stored_boxes.split("test"))
     assert rasterised_by(lambda: evaluate_run(first, stored_boxes, EvalConfig(), quiet)) >= tests
-    shapes = fixed_views.with_kept_views(stored_boxes, config, quiet)
+    shapes = fixed_views.with_kept_views(stored_boxes, config, quiet, CPU)
     batch, kind = fixed_views.load_batch(shapes, stored_boxes.split("test"), "auto")
     model = load_model(first)
     assert rasterised_by(lambda: model(batch, Look.evaluation(config, len(batch), kind))) == 0
@@ -130,10 +131,15 @@ def test_colours_and_lights_vary_from_epoch_to_epoch(settings, stored_boxes, qui
     assert (distances > 1e-4).all()  # every shape looks different from all of the other epoch
 
 
+def test_a_gpu_that_draws_keeps_no_views(settings, stored_boxes, quiet, monkeypatch):
+    monkeypatch.setattr(fixed_views, "drawing_device", lambda wanted: torch.device("cuda", 0))
+    assert fixed_views.with_kept_views(stored_boxes, settings(views="fixed"), quiet, CPU) is stored_boxes
+
+
 @pytest.mark.parametrize("views", ["jittered", "random", "learned-circular", "learned-spherical", "learned-direct"])
 def test_views_that_move_are_left_alone(views, settings, stored_boxes, quiet):
     config = settings(views=views)
-    assert fixed_views.with_kept_views(stored_boxes, config, quiet) is stored_boxes
+    assert fixed_views.with_kept_views(stored_boxes, config, quiet, CPU) is stored_boxes
     loop.train(config, stored_boxes, quiet)
     assert stored_boxes.store.sizes()["views"].files == 0
 

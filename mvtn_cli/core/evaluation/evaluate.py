@@ -69,7 +69,7 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     model = load_model(run, config.checkpoint, config.device)
 
     seeded = settings.model_copy(update={"seed": config.seed})  # of random views
-    shapes = with_kept_views(prepared, settings, console)
+    shapes = with_kept_views(prepared, settings, console, model.device)
     batch_size = config.shapes_a_step(settings.batch_size)
     found = predict(model, shapes, indices, seeded, batch_size=batch_size, console=console)
     sources = [prepared.records[i].source for i in indices]

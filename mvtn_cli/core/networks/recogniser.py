@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -45,6 +46,18 @@ class Output:
     extra: Mapping[str, Tensor] = field(default_factory=dict)
 
 
+class Seen(NamedTuple):
+    """Pictures that were taken before the networks are asked.
+
+    Attributes:
+        placement: (B, M) cameras.
+        images: (B, M, 3, H, W) from them.
+    """
+
+    placement: Placement
+    images: Tensor
+
+
 class Recogniser(nn.Module):
     """Chooses the cameras of each shape, takes the pictures and classifies them.
 
@@ -81,6 +94,7 @@ class Recogniser(nn.Module):
         *,
         explore_deg: float = 0.0,
         generator: torch.Generator | None = None,
+        seen: Seen | None = None,
     ) -> Output:
         """Recognise B shapes; in training mode cameras and points have their random part, in evaluation none.
 
@@ -89,20 +103,28 @@ class Recogniser(nn.Module):
             look: Of the pictures; learned lights take the place of its own.
             explore_deg: Noise on learned views in training.
             generator: Of everything random in this call, dropout and the sampling of View-GCN apart.
+            seen: Their pictures, if there are some already; no others are taken then.
         """
+        if seen is not None:
+            return self.recognise(batch, look, seen.placement, generator, seen.images)
         return self.recognise(batch, look, self.place(batch, explore_deg=explore_deg, generator=generator), generator)
 
     def recognise(
-        self, batch: ShapeBatch, look: Look, placement: Placement, generator: torch.Generator | None = None
+        self,
+        batch: ShapeBatch,
+        look: Look,
+        placement: Placement,
+        generator: torch.Generator | None = None,
+        images: Tensor | None = None,
     ) -> Output:
-        """Recognise B shapes from given cameras; arguments as for `forward`."""
+        """Recognise B shapes from given cameras, of pictures that there are or else are taken; else as `forward`."""
         cameras = placement.cameras
         if isinstance(self.network, PointClassifier):
             said = self.network(self._points(batch, generator))
             nothing = (len(batch), 0, 3, look.image_size, look.image_size)
             images = torch.zeros(nothing, device=said.logits.device)
             return Output(said.logits, said.descriptor, cameras, images, said.extra)
-        images = self.take_pictures(batch, look, placement)
+        images = self.take_pictures(batch, look, placement) if images is None else images.to(self.device)
         directions = camera_positions(cameras.azimuth_deg, cameras.elevation_deg, 1.0).to(images)
         points = self._points(batch, generator) if self.network.points is not None else None
         said = self.network(images, directions, points)
@@ -151,6 +173,10 @@ class Recogniser(nn.Module):
         if placement.light is None or look.kind == "points":
             return draw(placement.cameras, look)
         return draw_lit(draw, placement.cameras, look, placement.light)
+
+    def for_drawing(self) -> Recogniser:
+        """One with a copy of the selector on the CPU, which takes the same pictures in another thread."""
+        return Recogniser(copy.deepcopy(self.selector).cpu(), self.network, self.config)
 
     def _points(self, batch: ShapeBatch, generator: torch.Generator | None) -> Tensor:
         """What a classifier sees of the points, (B, P, 3)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -60,6 +61,16 @@ class ShapeBatch:
     def with_points(self, points: torch.Tensor) -> ShapeBatch:
         """Return the same batch with other points for the encoder, (B, P', 3)."""
         return replace(self, points=points)
+
+    def pinned(self) -> ShapeBatch:
+        """Return the same batch in memory that a GPU copies from by itself, while its other work goes on."""
+        changed: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            if isinstance(value, torch.Tensor):
+                changed[name] = value.pin_memory()
+            elif isinstance(value, np.ndarray):
+                changed[name] = torch.from_numpy(value).pin_memory().numpy()
+        return replace(self, **changed)
 
 
 def pack(

@@ -47,7 +47,7 @@ def compute(
     from mvtn_cli.core.training.predict import predict
 
     settings = run.config.model_copy(update={"seed": seed})
-    drawn = with_kept_views(shapes, settings, console)
+    drawn = with_kept_views(shapes, settings, console, model.device)
     found = predict(model, drawn, indices, settings, batch_size=batch_size)
     return {"descriptors": found.descriptors, "predicted": found.logits.argmax(axis=1).astype(np.int64)}
 

@@ -124,8 +124,9 @@ class Describer:
         from mvtn_cli.core.render.warming import compile_renderer
         from mvtn_cli.core.training.predict import load_model
 
-        compile_renderer(self.console)
-        return load_model(self.run, self.checkpoint, self.device)
+        model = load_model(self.run, self.checkpoint, self.device)
+        compile_renderer(self.console, model.device)
+        return model
 
     @cached_property
     def _settings(self) -> str:

@@ -18,6 +18,7 @@ from mvtn_cli.core.robustness.corruption import Corruption
 from mvtn_cli.core.robustness.evaluating import evaluate_here
 from mvtn_cli.core.robustness.many_machines import evaluate_on_cluster
 from mvtn_cli.core.store import digest
+from mvtn_cli.core.training.device import choose_device
 from mvtn_cli.core.training.run import NOT_SETTINGS, Run
 from mvtn_cli.core.training.split import stratified_subset
 from mvtn_cli.errors import DataError, UsageError
@@ -113,7 +114,7 @@ def measure(
         DataError: A run has no such weights.
     """
     if config.scheduler is None:
-        compile_renderer(console)
+        compile_renderer(console, choose_device(config.device))
     return [_measure_run(run, prepared, indices, plan, config, console) for run in runs]
 
 

@@ -7,6 +7,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TypeVar
 
+import numba
+
 Made = TypeVar("Made")
 
 
@@ -14,13 +16,16 @@ Made = TypeVar("Made")
 def one_ahead(calls: Iterable[Callable[[], Made]]) -> Iterator[Iterator[Made]]:
     """Give what the calls give, in their order; each is made in a thread while its forerunner is in use.
 
+    The thread's kernels have as many threads as those of the caller.
+
     What a call raises is raised where its result would have come. At the end, also after an error, the thread
     has ended: at most one call was made in vain.
 
     Args:
-        calls: Must not draw from generators of others, and not start parallel kernels.
+        calls: Must not draw from generators of others. If they start parallel kernels, the caller starts none.
     """
-    with ThreadPoolExecutor(1, thread_name_prefix="next-batch") as thread:
+    kernels = numba.get_num_threads()  # a new thread would have all
+    with ThreadPoolExecutor(1, "next-batch", numba.set_num_threads, (kernels,)) as thread:
 
         def results() -> Iterator[Made]:
             coming: Future[Made] | None = None

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import torch
+
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.render import ShapeBatch
+from mvtn_cli.core.render.devices import drawing_device, is_gpu
 from mvtn_cli.core.render.skips import FIXED_VIEWS, active_skips
 from mvtn_cli.core.render.view_keeper import ViewKeeper, kept_batch
 from mvtn_cli.core.store import StoredShape
@@ -38,16 +41,25 @@ class KeptShapes:
         return self.shapes.load(index)
 
 
-def with_kept_views(shapes: Shapes, config: TrainConfig, console: Console) -> Shapes:
+def with_kept_views(shapes: Shapes, config: TrainConfig, console: Console, device: torch.device) -> Shapes:
     """Keep the views of a training or its evaluation, where they are fixed and of meshes; else change nothing.
+
+    A GPU that draws sees the faces anew faster than it is sent what was kept.
 
     Args:
         shapes: The data set; one that is in no artifact store has no addresses to keep views under.
         config: Of the training.
         console: Where it is said that something can't be kept.
+        device: Where the networks are.
     """
     store = getattr(shapes, "store", None)
-    if config.views != "fixed" or config.render == "points" or store is None or not active_skips() & FIXED_VIEWS:
+    if (
+        is_gpu(drawing_device(device))
+        or config.views != "fixed"
+        or config.render == "points"
+        or store is None
+        or not active_skips() & FIXED_VIEWS
+    ):
         return shapes
     return KeptShapes(shapes, ViewKeeper(store, console))
 

@@ -74,5 +74,5 @@ def predict_test(run: Run, prepared: Any, device: str, console: Console) -> Pred
     """What the best weights say of the test split."""
     model = load_model(run, "best", device)
     settings = run.config
-    shapes = with_kept_views(prepared, settings, console)
+    shapes = with_kept_views(prepared, settings, console, model.device)
     return predict(model, shapes, prepared.split("test"), settings, batch_size=settings.batch_size)

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from torch.optim import AdamW, Optimizer
 
 from mvtn_cli.config import TrainConfig
-from mvtn_cli.core.networks.recogniser import Recogniser
+from mvtn_cli.core.networks.recogniser import Recogniser, Seen
 from mvtn_cli.core.render import Look, ShapeBatch
 
 CLASSIFIER, VIEWPOINTS = "classifier", "viewpoint network"
@@ -30,11 +30,11 @@ class Learner(nn.Module):
         self.mixed = mixed
 
     def forward(
-        self, batch: ShapeBatch, look: Look, explore_deg: float, generator: torch.Generator
+        self, batch: ShapeBatch, look: Look, explore_deg: float, generator: torch.Generator, seen: Seen | None = None
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Give loss (), logits (B, C) and images (B, M, 3, H, W), none of points; only the loss has a gradient."""
         with torch.autocast(self.recogniser.device.type, torch.bfloat16, enabled=self.mixed):
-            output = self.recogniser(batch, look, explore_deg=explore_deg, generator=generator)
+            output = self.recogniser(batch, look, explore_deg=explore_deg, generator=generator, seen=seen)
             labels = batch.labels.to(output.logits.device)
             loss = self.recogniser.loss(output, labels, self.label_smoothing)
         return loss, output.logits.detach(), output.images.detach()

@@ -16,19 +16,18 @@ import torch
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
-from mvtn_cli.core.render import Look, ShapeBatch
 from mvtn_cli.core.render.warming import compile_renderer
 from mvtn_cli.core.training import judge, learner, schedules, tracking, watch
 from mvtn_cli.core.training.ahead import one_ahead
 from mvtn_cli.core.training.device import use_mixed, use_threads
-from mvtn_cli.core.training.draws import look_of
 from mvtn_cli.core.training.find import find_or_create_run
-from mvtn_cli.core.training.fixed_views import load_batch, with_kept_views
+from mvtn_cli.core.training.fixed_views import with_kept_views
 from mvtn_cli.core.training.position import Position, restore, save
-from mvtn_cli.core.training.randomness import epoch_batches, step_generator, step_seed
+from mvtn_cli.core.training.randomness import epoch_batches, step_seed
+from mvtn_cli.core.training.ready import ReadyMaker
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.settle import settle_batch_norm
-from mvtn_cli.core.training.shapes import Shapes, drawn_kind
+from mvtn_cli.core.training.shapes import drawn_kind
 from mvtn_cli.core.training.signals import StopNow, StopRequest
 from mvtn_cli.core.training.split import Indices, shown_indices, training_indices
 from mvtn_cli.core.training.team import Team
@@ -133,8 +132,10 @@ def _train(
 
     if model.uses_views:
         kind = drawn_kind(prepared, indices.train[0], config.render)
-        team.alone(lambda: compile_renderer(console, kind=kind, gradient=model.selector.learned))
-    shapes = with_kept_views(prepared, config, console)
+        team.alone(lambda: compile_renderer(console, model.device, kind=kind, gradient=model.selector.learned))
+    shapes = with_kept_views(prepared, config, console, model.device)
+
+    maker = ReadyMaker(team, model, shapes, config)
 
     # Where it stands, and what the cameras see before they learn.
     position = team.together(lambda: restore(run, model, optimisers))
@@ -153,23 +154,22 @@ def _train(
         teaching = viewpoints if model.stage == "shapes" else None
         learning = [optimiser for optimiser in stepping if optimiser is not viewpoints or teaching is not None]
         model.train()
-        title, loads = f"epoch {epoch + 1}/{config.epochs}", _loads(team, shapes, batches[position.step :], config)
-        with console.progress(title, steps) as ticker, one_ahead(loads) as loaded:
+        title = f"epoch {epoch + 1}/{config.epochs}"
+        coming = [partial(maker.make, batches[step], epoch, step) for step in range(position.step, steps)]
+        with console.progress(title, steps) as ticker, one_ahead(coming) as made:
             ticker.advance(position.step)
-            for batch, kind in loaded:
+            for _, batch, look, generator, taken in made:
                 # Schedules, and the randomness of this step: all from (seed, epoch, step).
                 step = position.step
                 done = schedules.progress_in_stage(config, epoch, step, steps)
                 explore_deg = schedules.set_all(config, optimisers, done)
-                generator = step_generator(config.seed, epoch, step)
                 torch.manual_seed(step_seed(config.seed, epoch, step))
 
                 # Forward and backward; with several processes this one has a share of the batch.
                 share = team.share(batches[step])
-                look = look_of(share, Look.training(config, share.total, kind, generator))
                 buffers = learner.copy_buffers(model)
-                with team.drawing():
-                    loss, logits, images = loss_of(batch, look, explore_deg, generator)
+                with team.drawing(share):
+                    loss, logits, images = loss_of(batch, look, explore_deg, generator, taken)
                 if not pictures_checked:
                     watch.check_something_is_seen(images, partial(team.mean, share))
                     pictures_checked = True
@@ -246,13 +246,6 @@ def _train(
         if not collapse_told and (warning := judge.view_warning(record, config)):
             console.warn(warning)
             collapse_told = True
-
-
-def _loads(
-    team: Team, shapes: Shapes, batches: Sequence[list[int]], config: TrainConfig
-) -> list[Callable[[], tuple[ShapeBatch, str]]]:
-    """What loads this process's share of each batch."""
-    return [partial(load_batch, shapes, batch[team.share_of(batch).rows], config.render) for batch in batches]
 
 
 def _check_all(team: Team, stopping: StopRequest) -> None:

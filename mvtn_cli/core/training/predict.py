@@ -104,7 +104,7 @@ def predict(
         model.to(device)
     quiet = console or Console(quiet=True)
     if model.uses_views:
-        compile_renderer(quiet, kind=drawn_kind(prepared, indices[0], config.render))
+        compile_renderer(quiet, model.device, kind=drawn_kind(prepared, indices[0], config.render))
     rank, size = (0, 1) if team is None else (team.rank, team.size)
 
     def answer() -> dict[int, dict[str, np.ndarray]]:

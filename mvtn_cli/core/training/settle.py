@@ -10,6 +10,7 @@ from torch.nn.modules.batchnorm import _BatchNorm
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.core.networks.recogniser import Recogniser
+from mvtn_cli.core.networks.synced import Share
 from mvtn_cli.core.render import Look
 from mvtn_cli.core.training.fixed_views import load_batch
 from mvtn_cli.core.training.shapes import Shapes, alike_batches
@@ -60,9 +61,9 @@ def settle_batch_norm(
                 each_batch()
                 if len(chunk) == 1 < len(chosen):
                     continue  # one picture alone may have nothing to take a variance of
-                rows = slice(None) if team is None else team.share(chunk).rows
-                batch, kind = load_batch(shapes, chunk[rows], config.render)
-                with nullcontext() if team is None else team.drawing():
+                share = Share(len(chunk)) if team is None else team.share(chunk)
+                batch, kind = load_batch(shapes, chunk[share.rows], config.render)
+                with nullcontext() if team is None else team.drawing(share):
                     model(batch, Look.evaluation(config, len(batch), kind))
     finally:
         for layer, momentum in zip(layers, momenta, strict=True):

@@ -198,9 +198,9 @@ class Team:
         """The same, for a batch whose turn has not come yet."""
         return Share(len(batch), self.rank, self.size)
 
-    def drawing(self) -> AbstractContextManager[Any]:
-        """What is drawn at random inside is a part of what is drawn for the whole batch."""
-        return WholeBatchDraws(self._exchange.share) if self.size > 1 else nullcontext()
+    def drawing(self, share: Share) -> AbstractContextManager[Any]:
+        """What is drawn at random inside, by this thread, is a part of what is drawn for the whole batch."""
+        return WholeBatchDraws(share) if self.size > 1 else nullcontext()
 
     # Its end
 
