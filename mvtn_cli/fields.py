@@ -31,6 +31,15 @@ def _whole(value: Any) -> Any:
     return int(value) if isinstance(value, str) and value.strip().isdecimal() else value
 
 
+def is_number(text: str) -> bool:
+    """Whether a text says a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def several(value: Any) -> Any:
     """Read a comma-separated text, or one number, as a list."""
     if isinstance(value, str):

@@ -28,13 +28,13 @@ def robustness(config: RobustnessConfig, call: Call) -> None:
     """
     runs = _find_runs(config, call)
     from mvtn_cli.core.robustness.files import document_of, write_files
-    from mvtn_cli.core.robustness.measure import check_classes, check_same_data, chosen_indices, measure
+    from mvtn_cli.core.robustness.measure import check_same_data, chosen_indices, measure
     from mvtn_cli.core.robustness.plan import plan_of
     from mvtn_cli.core.training.device import use_threads
 
     check_same_data(runs)
     prepared = open_shapes_of(runs[0], config, call)
-    check_classes(runs[0], prepared)
+    runs[0].check_classes(prepared)
     if prepared.address != runs[0].info["data_address"]:
         call.console.warn(f"{prepared.spec} is not what {runs[0].path} was trained on: the shapes have changed")
     use_threads(config.threads)

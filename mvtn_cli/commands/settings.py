@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from mvtn_cli.config import MODELS, Config
 from mvtn_cli.errors import UsageError, nearest
+from mvtn_cli.fields import is_number
 
 PROJECT_FILE = Path("mvtn.toml")
 PANELS = (  # in the order of --help
@@ -150,7 +151,7 @@ def usage_error(error: ValidationError, model: type[Config], origins: Mapping[st
     extra = _extra(model.model_fields[field])
     where = _where(field, origins[field], argument=bool(extra.get("argument")))
     got = first["input"]
-    shown = f"'{got}'" if isinstance(got, str) and not _is_number(got) else f"{got}"
+    shown = f"'{got}'" if isinstance(got, str) and not is_number(got) else f"{got}"
     if first["type"] == "literal_error":
         return _unknown_choice(field, str(got), origins[field], model)
     more = "" if origins[field].startswith("--") else f"{field} is the option {option_name(field)}"
@@ -218,11 +219,3 @@ def choices_of(model: type[Config], field: str) -> list[str]:
 
 def _extra(field: Any) -> dict[str, Any]:
     return field.json_schema_extra or {}
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

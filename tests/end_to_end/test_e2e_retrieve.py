@@ -171,4 +171,4 @@ def test_a_data_set_with_other_classes_is_refused(retrieve: Retrieve):
     info = json.loads(path.read_text())
     path.write_text(json.dumps({**info, "classes": [*info["classes"][:-1], "spaceship"]}))
     message, hint = retrieve("tiny").error
-    assert "no longer has the classes" in message and "mvtn train" in hint
+    assert "knows the classes" in message and "mvtn train" in hint

@@ -23,7 +23,7 @@ from mvtn_cli.core.evaluation.shown_shapes import save_shapes, shown_names
 from mvtn_cli.core.evaluation.view_analysis import check_split, view_analysis
 from mvtn_cli.core.evaluation.views import view_statistics
 from mvtn_cli.core.training.checkpoint import write_run_file
-from mvtn_cli.errors import DataError, UsageError
+from mvtn_cli.errors import DataError
 
 if TYPE_CHECKING:
     from mvtn_cli.config import EvalConfig
@@ -62,7 +62,7 @@ def evaluate_run(run: Run, prepared: Prepared, config: EvalConfig, console: Cons
     from mvtn_cli.core.training.predict import load_model, predict
 
     settings = run.config
-    _check_classes(run, prepared)
+    run.check_classes(prepared)
     if config.view_analysis:
         check_split(config.split)
     indices = split_indices(settings, prepared, config.split)
@@ -304,16 +304,3 @@ def provenance(run: Run, prepared: Prepared, config: EvalConfig) -> dict[str, An
         },
         "batch_size": config.shapes_a_step(run.config.batch_size),
     }
-
-
-def _check_classes(run: Run, prepared: Prepared) -> None:
-    if tuple(prepared.classes) != run.classes:
-        raise UsageError(
-            f"run {run.name} knows the classes {_some(run.classes)}, and {prepared.spec} has {_some(prepared.classes)}",
-            hint=f"train on it: mvtn train {prepared.spec}; or ask for the classes of single files: mvtn predict",
-            code="run.other-classes",
-        )
-
-
-def _some(names: Sequence[str]) -> str:
-    return f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''} ({len(names)})"

@@ -17,6 +17,7 @@ from mvtn_cli.core.reporting.comparison_tests import interval_words, p_words, po
 from mvtn_cli.core.reporting.sections import NETWORK_NAMES
 from mvtn_cli.core.reporting.templating import template
 from mvtn_cli.errors import UsageError
+from mvtn_cli.fields import is_number
 
 SHOWN_TESTS = 40  # pairs; the document has them all
 SHOWN_MISSING = 12  # commands
@@ -174,15 +175,7 @@ def _link(entry: Entry, page: Path) -> str | None:
 def _cells(values: Sequence[str]) -> dict[str, Any]:
     """How the values of a setting stand in the table."""
     short = [value if len(value) <= LONGEST_VALUE else "…" + value[1 - LONGEST_VALUE :] for value in values]
-    return {"short": short, "numeric": all(_is_number(value) or value in ("auto", words.DASH) for value in values)}
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return {"short": short, "numeric": all(is_number(value) or value in ("auto", words.DASH) for value in values)}
 
 
 def _data_section(document: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from mvtn_cli.core.retrieval.descriptors import Described, Describer, labelled
 from mvtn_cli.core.retrieval.lfda import LFDA, fit_lfda
 from mvtn_cli.core.store import Store, cache_root
 from mvtn_cli.core.training.split import stratified_subset
-from mvtn_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from mvtn_cli.console import Console
@@ -59,7 +58,7 @@ def open_searchable(run: Run, prepared: Prepared, config: RetrieveConfig, consol
         UsageError: The data set has other classes than the run.
         DataError: There are no weights or no training shapes, or LFDA can't be fitted.
     """
-    check_classes(run, prepared)
+    run.check_classes(prepared)
     store = Store(cache_root(config.cache))
     batch_size = config.shapes_a_step(run.config.batch_size)
     describer = Describer(
@@ -74,16 +73,6 @@ def open_searchable(run: Run, prepared: Prepared, config: RetrieveConfig, consol
     return Searchable(
         describer, prepared, indices, labels, described, lfda, rows if lfda is None else lfda.transform(rows)
     )
-
-
-def check_classes(run: Run, prepared: Prepared) -> None:
-    """Raise a UsageError where the data set has other classes than the run."""
-    if tuple(prepared.classes) != run.classes:
-        raise UsageError(
-            f"{prepared.spec} no longer has the classes that run {run.name} was trained on",
-            hint=f"train on it again: mvtn train {prepared.spec}",
-            code="run.other-classes",
-        )
 
 
 def labels_of(prepared: Prepared, indices: Sequence[int]) -> NDArray[np.int64]:

@@ -77,21 +77,6 @@ def check_same_data(runs: Sequence[Run]) -> None:
             )
 
 
-def check_classes(run: Run, prepared: Any) -> None:
-    """Refuse shapes of other classes than a run knows.
-
-    Raises:
-        UsageError: They are.
-    """
-    if tuple(prepared.classes) != run.classes:
-        raise UsageError(
-            f"run {run.name} knows {len(run.classes)} classes that are not the {len(prepared.classes)} of "
-            f"{prepared.spec}",
-            hint=f"train on it: mvtn train {prepared.spec}",
-            code="run.other-classes",
-        )
-
-
 def measure(
     runs: Sequence[Run],
     prepared: Any,

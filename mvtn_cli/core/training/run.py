@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ from filelock import FileLock, Timeout
 from mvtn_cli import __version__
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.core.training.checkpoint import finite_or_null, write_json, write_run_file
-from mvtn_cli.errors import DataError, MvtnError, choose_error
+from mvtn_cli.errors import DataError, MvtnError, UsageError, choose_error
 
 # None of these changes what a training computes (the data are compared by address).
 NOT_SETTINGS = frozenset({"dataset", "name", "runs", "cache", "device", "threads", "workers", "log"})
@@ -196,6 +196,20 @@ class Run:
         """Names of the classes, in the order of the logits."""
         return tuple(self.info["classes"])
 
+    def check_classes(self, prepared: Any) -> None:
+        """Refuse a data set with other classes than those that it was trained on.
+
+        Raises:
+            UsageError: It has others, or the same in another order.
+        """
+        if tuple(prepared.classes) != self.classes:
+            raise UsageError(
+                f"run {self.name} knows the classes {_some(self.classes)}, and {prepared.spec} has "
+                f"{_some(prepared.classes)}",
+                hint=f"train on it: mvtn train {prepared.spec}; or ask for the classes of single files: mvtn predict",
+                code="run.other-classes",
+            )
+
     @property
     def finished(self) -> bool:
         """Whether the training has come to its end."""
@@ -263,3 +277,7 @@ class Run:
 
     def _write_info(self, info: dict[str, Any]) -> None:
         write_json(self.path / "run.json", {**info, "changed": time.time()})
+
+
+def _some(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''} ({len(names)})"
