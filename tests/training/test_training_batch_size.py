@@ -62,6 +62,14 @@ def test_the_batch_is_a_power_of_two_that_fits_and_grows_with_memory(gibibytes):
     assert all(size & (size - 1) == 0 for size in sizes)
 
 
+@pytest.mark.parametrize("views", ["fixed", "random", "transferred"])
+def test_views_that_do_not_learn_need_no_viewpoint_network_for_it(views: str):
+    config = TrainConfig(**TINY, views=views, views_from="not read" if views == "transferred" else None)
+    model = build_recogniser(config, 5, read_weights=False)
+    learned = TrainConfig(**TINY)
+    assert 0 < bytes_of_shape(model, config) < bytes_of_shape(build_recogniser(learned, 5), learned)
+
+
 @pytest.mark.parametrize(("shapes", "most"), [(10, 32), (432, 32), (4096, 64), (9843, 128), (800_000, 256)])
 def test_memory_without_end_gives_no_batch_that_leaves_too_few_steps(gibibytes, shapes: int, most: int):
     gibibytes(10_000)

@@ -82,9 +82,12 @@ def _loss(model: Recogniser, config: TrainConfig, count: int) -> Tensor:
     labels = torch.zeros(count, dtype=torch.int64)
     if not model.uses_views:
         return model.loss(model.network(points), labels)
-    cameras = model.selector.place(points, training=True).cameras
+    azimuth, elevation = (start.expand(count, -1) for start in model.selector.start)
+    if model.selector.learned:  # others keep nothing, and may not have been read yet
+        cameras = model.selector.place(points, training=True).cameras
+        azimuth, elevation = cameras.azimuth_deg, cameras.elevation_deg
     images = torch.zeros(count, config.num_views, 3, config.image_size, config.image_size, requires_grad=True)
-    directions = camera_positions(cameras.azimuth_deg, cameras.elevation_deg, 1.0).to(images)
+    directions = camera_positions(azimuth, elevation, 1.0).to(images)
     return model.loss(model.network(images, directions, points), labels)
 
 
