@@ -92,7 +92,11 @@ class TrainConfig(LayoutConfig, PictureConfig, NetworkConfig, RunsConfig, Machin
         le=180,
     )
     views_from: str | None = option(
-        None, "Run whose viewpoint network is taken as it is, for --views transferred", "Views", metavar="RUN"
+        None,
+        "Run whose viewpoint network is taken as it is, for --views transferred",
+        "Views",
+        metavar="RUN",
+        names="runs",
     )
     learn_distance: float = option(
         1.0, "Let learned views also choose their distance, up to this factor; 1: no", "Views", ge=1, le=10
@@ -223,7 +227,7 @@ class SweepConfig(TrainConfig, VaryConfig, PresetConfig, SkipConfig):
 class EvalConfig(RunsConfig, MachineConfig, StepsConfig, SkipConfig):
     """What to measure of a finished training."""
 
-    run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True)
+    run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True, names="runs")
     split: Literal["test", "val", "train"] = option("test", "Shapes to measure on", "Data")
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     baseline: bool = option(False, "Also measure a random forest on distance histograms", "Measure")
@@ -243,7 +247,7 @@ class PredictConfig(FilesConfig, RunsConfig, MachineConfig, StepsConfig):
         "Data",
         argument="many",
     )
-    run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run")
+    run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", names="runs")
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     top: int = option(1, "Classes to name for each file, likeliest first", "Answer", ge=1, le=1000)
     batch_size: int | None = option(

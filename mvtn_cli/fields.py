@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
-OWN = ("metavar", "short", "argument", "many", "also", "words", "auto")
+OWN = ("metavar", "short", "argument", "many", "also", "words", "auto", "names")
 
 
 def option(default: Any, description: str, panel: str, **more: Any) -> Any:
@@ -19,8 +19,8 @@ def option(default: Any, description: str, panel: str, **more: Any) -> Any:
         panel: Under which heading `--help` shows it.
         more: Limits for pydantic (`ge`, `le`, `gt`, `lt`, `pattern`), or for the command line `metavar`,
             `short`, `argument` (positional; "many" takes several), `many` (an option that may be repeated), `also`
-            (further words that the field takes), `words` (says what a pattern allows) and `auto` (None can be wished
-            for, by this word, though it is not the default).
+            (further words that the field takes), `words` (says what a pattern allows), `auto` (None can be wished
+            for, by this word, though it is not the default), and `names` (what a shell offers: "runs" or "presets").
     """
     own: dict[str, Any] = {"panel": panel}
     own |= {key: more.pop(key) for key in OWN if key in more}

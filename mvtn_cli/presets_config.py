@@ -13,6 +13,7 @@ class PresetConfig(Config):
         "Settings of a row of the paper's tables, as mvtn presets lists them; all other options win over it",
         "Run",
         metavar="NAME",
+        names="presets",
     )
 
 
@@ -22,5 +23,5 @@ class PresetsConfig(Config):
     # Not `preset`: that may stand in mvtn.toml, and a bare `mvtn presets` lists all.
     which: str | None = option(
         None, "Preset whose settings are printed as TOML, each with its source; auto: a list of all", "Data",
-        argument=True,
+        argument=True, names="presets",
     )  # fmt: skip

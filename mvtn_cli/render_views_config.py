@@ -29,7 +29,7 @@ class RenderViewsConfig(FilesConfig, LayoutConfig, PictureConfig, RunsConfig, Ma
     image_size: int = option(128, "Width and height of a view, pixels", "Pictures", ge=8, le=1024)
     limit: int = option(16, "Shapes of a data set or run to draw", "Data", ge=1, le=100_000)
     split: Literal["test", "val", "train"] = option("test", "Shapes of a data set or run to draw", "Data")
-    run: str | None = option(None, "Run whose learned cameras are used", "Run")
+    run: str | None = option(None, "Run whose learned cameras are used", "Run", names="runs")
     checkpoint: Literal["best", "last"] = option("best", "Weights of the run", "Run")
     views: Selection | None = option(
         None,

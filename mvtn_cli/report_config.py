@@ -21,7 +21,7 @@ class ReportConfig(RunsConfig):
 
     run: Annotated[tuple[str, ...], BeforeValidator(_one_or_several)] = option(
         (), "Runs, folders of runs, or patterns as 'm40-*'; several are compared; auto: the latest run", "Run",
-        argument="many",
+        argument="many", names="runs",
     )  # fmt: skip
     output: Path | None = option(
         None, "The page; auto: report.html in the run, for several runs RUNS/comparison.html", "Answer",

@@ -17,7 +17,7 @@ Cuts = Annotated[tuple[Annotated[int, Field(ge=1)], ...], BeforeValidator(severa
 class RetrieveConfig(FilesConfig, RunsConfig, MachineConfig, ClusterConfig, StepsConfig, SkipConfig):
     """Finding shapes by shapes, and how good that is."""
 
-    run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True)
+    run: str | None = option(None, "Run folder or its name; auto: the latest run", "Run", argument=True, names="runs")
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     query: tuple[str, ...] = option(
         (),

@@ -49,7 +49,11 @@ class RobustnessConfig(RunsConfig, MachineConfig, ClusterConfig, StepsConfig, Sk
     """What is done to the test shapes before runs have to recognise them."""
 
     run: Annotated[tuple[str, ...], BeforeValidator(_one_or_several)] = option(
-        (), "Run folders or their names, which become the rows of a table; auto: the latest run", "Run", argument="many"
+        (),
+        "Run folders or their names, which become the rows of a table; auto: the latest run",
+        "Run",
+        argument="many",
+        names="runs",
     )
     checkpoint: Literal["best", "last"] = option("best", "Weights to use", "Run")
     rotate: Limits | None = option(

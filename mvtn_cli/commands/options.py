@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import typer
 from pydantic.fields import FieldInfo
 
+from mvtn_cli.commands.completing import NAMES, completion
 from mvtn_cli.commands.settings import choices_of, in_order, option_name, resolve, to_toml
 from mvtn_cli.config import MODELS, Config, SkipConfig
 from mvtn_cli.console import Console, Mode, PipeClosed, close_pipes, help_style
@@ -123,6 +124,8 @@ def _parameter(name: str, info: FieldInfo, choices: list[str]) -> inspect.Parame
         "show_default": False,
         "rich_help_panel": extra["panel"],
     }
+    if choices or "names" in extra:
+        shown["autocompletion"] = completion(NAMES[extra["names"]] if "names" in extra else lambda: choices)
     if extra.get("argument"):
         shown["metavar"] = ("|".join(choices) or name.upper()) + "..." * (extra["argument"] == "many")
         annotation: Any = list[str] | None if extra["argument"] == "many" else str | None
@@ -130,8 +133,6 @@ def _parameter(name: str, info: FieldInfo, choices: list[str]) -> inspect.Parame
     if info.annotation is bool:
         return _keyword(name, typer.Option(None, option_name(name), **shown), bool | None)
     shown["metavar"] = extra.get("metavar") or short_choices or ("NAME" if choices else _metavar(info))
-    if choices:
-        shown["autocompletion"] = _completion(choices)
     annotation = list[str] | None if extra.get("many") else str | None
     return _keyword(name, typer.Option(None, option_name(name), *_short(extra), **shown), annotation)
 
@@ -169,13 +170,6 @@ def _default_words(info: FieldInfo) -> str:
 def _metavar(info: FieldInfo) -> str:
     kinds = str(info.annotation)
     return "INTEGER" if "int" in kinds else "NUMBER" if "float" in kinds else "TEXT"
-
-
-def _completion(choices: list[str]) -> Callable[[str], list[str]]:
-    def complete(incomplete: str) -> list[str]:
-        return [choice for choice in choices if choice.startswith(incomplete)]
-
-    return complete
 
 
 def _short(extra: dict[str, Any]) -> tuple[str, ...]:

@@ -262,7 +262,12 @@ app.main()
     assert err == "error: interrupted\n  the same command goes on where it stopped\n"
 
 
-def test_completion_knows_commands_options_and_choices():
+def test_completion_knows_commands_options_choices_presets_and_runs(own_folder: Path):
+    for name in ("one", "two", "group/three"):
+        (own_folder / "runs" / name).mkdir(parents=True)
+        (own_folder / "runs" / name / "run.json").touch()
+    (own_folder / "runs" / "other").mkdir()
+
     def complete(words: str) -> set[str]:
         environment = {
             **os.environ,
@@ -274,3 +279,9 @@ def test_completion_knows_commands_options_and_choices():
 
     assert complete("mvtn tr") == {"train"}
     assert complete("mvtn train --layout s") == {"spherical"}
+    assert complete("mvtn cache cl") == {"clear"}
+    assert "modelnet40-dgcnn" in complete("mvtn train --preset modelnet40-d")
+    assert complete("mvtn presets scanobjectnn-hardest-d") == {"scanobjectnn-hardest-dgcnn"}
+    assert complete("mvtn eval o") == {"one"}
+    assert complete("mvtn report one g") == {"group/three"}
+    assert complete("mvtn predict --run runs/t") == {"runs/two"}
