@@ -172,8 +172,8 @@ class TrainConfig(LayoutConfig, PictureConfig, NetworkConfig, RunsConfig, Machin
         return self
 
 
-class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
-    """`mvtn train`: a training, or several that are compared."""
+class OpenTraining(TrainConfig):
+    """A training whose batch size may have to be worked out when the data set is known."""
 
     batch_size: int | None = option(  # type: ignore[assignment]
         32,
@@ -183,6 +183,15 @@ class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
         le=4096,
         auto=True,
     )
+
+    def training(self) -> TrainConfig:
+        """The settings of one training, or what several have in common; a batch size that is open is the default."""
+        wanted = set(TrainConfig.model_fields) - ({"batch_size"} if self.batch_size is None else set())
+        return TrainConfig.model_validate(self.model_dump(include=wanted))
+
+
+class TrainOptions(OpenTraining, PresetConfig, SkipConfig):
+    """`mvtn train`: a training, or several that are compared."""
 
     compare: str | None = option(
         None,
@@ -204,24 +213,13 @@ class TrainOptions(TrainConfig, PresetConfig, SkipConfig):
         # The one that --angles is about, if it takes part: a common setting must be valid for somebody.
         return {**values, "views": "learned-direct" if "learned-direct" in names else names[0]}
 
-    def training(self) -> TrainConfig:
-        """The settings of one training, or those that all trainings of a comparison share; `auto` is the default."""
-        besides = {"compare", "seeds", "devices", "preset", "no_skip", "explain"}
-        if self.batch_size is None:
-            besides.add("batch_size")
-        return TrainConfig.model_validate(self.model_dump(exclude=besides))
-
     def selections(self) -> list[str]:
         """The view selections to compare, in full words; empty without `--compare`."""
         return _selections(self.compare, self.layout) if self.compare else []
 
 
-class SweepConfig(TrainConfig, VaryConfig, PresetConfig, SkipConfig):
+class SweepConfig(OpenTraining, VaryConfig, PresetConfig, SkipConfig):
     """`mvtn sweep`: trainings that differ in a few settings."""
-
-    def training(self) -> TrainConfig:
-        """What all trainings have in common."""
-        return TrainConfig.model_validate(self.model_dump(include=set(TrainConfig.model_fields)))
 
 
 class EvalConfig(RunsConfig, MachineConfig, StepsConfig, SkipConfig):

@@ -37,8 +37,13 @@ def sweep(config: SweepConfig, call: Call) -> None:
     if call.dry_run:
         return _show_plan(config, plan, call)
     prepared = open_shapes(config.dataset, config, call)
+    from mvtn_cli.core.training.batch_size import common_batch_size
     from mvtn_cli.core.training.sweep import Cell, sweep
 
+    if config.batch_size is None and "batch_size" not in fields:
+        chosen = common_batch_size(plan.values(), prepared, call.console)
+        config = config.model_copy(update={"batch_size": chosen})
+        plan = plan_of(config)
     cells: list[Cell] = [Cell(word, one) for word, one in plan.items()]
     document = sweep(config.training(), cells, fields, config.seeds, prepared, call.console)
     rows = [
@@ -84,6 +89,8 @@ def settings_of(config: SweepConfig, wanted: Mapping[str, str]) -> TrainConfig:
     """
     said = {name: getattr(config, name) for name in config.model_fields_set if name in TrainConfig.model_fields}
     preset = find_preset(config.preset).values if config.preset else {}
+    if config.batch_size is None:
+        said.pop("batch_size")  # not known yet
     own = {name: value for name, value in said.items() if name not in preset or preset[name] != value}
     own = {name: value for name, value in own.items() if name not in wanted}
     own = {name: value for name, value in own.items() if name not in foreign(own, wanted)}

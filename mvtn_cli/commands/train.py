@@ -53,7 +53,7 @@ def train(options: TrainOptions, call: Call) -> ExitCode | None:
     if options.devices > 1:
         return _start_processes(options.devices, prepared, call)
     if options.batch_size is None:
-        config = _sized(config, prepared, call)
+        config = _sized(options, config, prepared, call)
     if options.compare:
         _compare(options, config, prepared, call)
         return None
@@ -73,14 +73,14 @@ def _start_processes(count: int, prepared: Prepared, call: Call) -> ExitCode:
     return code
 
 
-def _sized(config: TrainConfig, prepared: Prepared, call: Call, *, here: int = 1, size: int = 1) -> TrainConfig:
+def _sized(
+    options: TrainOptions, config: TrainConfig, prepared: Prepared, call: Call, *, here: int = 1, size: int = 1
+) -> TrainConfig:
     """The same training with as many shapes a step as fit into memory; `here` and `size` count its processes."""
-    from mvtn_cli.core.training.batch_size import fitting_batch_size
-    from mvtn_cli.core.training.split import training_indices
+    from mvtn_cli.core.training.batch_size import common_batch_size
 
-    shapes = len(training_indices(config, prepared).train)
-    chosen = fitting_batch_size(config, len(prepared.classes), shapes, here=here, size=size)
-    call.console.note(f"batch size {chosen} (auto)")
+    several = [config.model_copy(update={"views": name}) for name in options.selections()] or [config]
+    chosen = common_batch_size(several, prepared, call.console, here=here, size=size)
     return config.model_copy(update={"batch_size": chosen})
 
 
@@ -99,7 +99,7 @@ def _train_with_others(options: TrainOptions, config: TrainConfig, call: Call) -
         with team.watched():
             prepared = team.in_turn(lambda: open_shapes(config.dataset, config, call))
             if options.batch_size is None:
-                chosen = partial(_sized, config, prepared, call, here=team.here, size=team.size)
+                chosen = partial(_sized, options, config, prepared, call, here=team.here, size=team.size)
                 config = team.alone(chosen)
         run = train_run(config, prepared, call.console)
     except MvtnError as error:

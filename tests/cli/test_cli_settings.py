@@ -75,7 +75,7 @@ def test_auto_can_be_wished_for_where_it_is_not_the_default():
     options, _ = train({"batch_size": "auto"})
     assert options.batch_size is None and options.training().batch_size == 32  # until it is worked out
     Path("mvtn.toml").write_text("batch_size = 'auto'\n")
-    for command in ("train", "eval", "predict", "retrieve", "robustness"):
+    for command in ("train", "sweep", "eval", "predict", "retrieve", "robustness"):
         assert resolve(MODELS[command], {}, None, command)[0].batch_size is None
     assert EvalConfig(batch_size=None).shapes_a_step(20) == 20 and EvalConfig(batch_size=3).shapes_a_step(20) == 3
 

@@ -117,6 +117,11 @@ def test_settings_may_stand_in_a_file():
     assert (len(plan_of(config)), config.seeds, origins["vary"]) == (2, 4, "mvtn.toml [sweep]")
 
 
+def test_a_batch_size_that_is_not_known_yet_is_the_default_until_then():
+    assert {one.batch_size for one in plan("views=fixed,random", batch_size="auto").values()} == {32}
+    assert [one.batch_size for one in plan("batch-size=4,8", batch_size="auto").values()] == [4, 8]
+
+
 def test_a_dry_run_prints_the_combinations_and_writes_nothing(own_folder: Path):
     result = mvtn("--vary", "num-views=1,2", "--seeds", 3, "--dry-run")
     assert result.exit_code == 0 and result.stdout.splitlines() == [
@@ -168,8 +173,10 @@ def test_a_sweep_trains_measures_and_goes_on(boxes: str, own_folder: Path):
     assert [line.split("\t")[0] for line in others] == ["jittered", "random"]
 
     # other settings begin a sweep of their own
-    third = mvtn(*words[:-1], 1, "--lr", 0.1, "--json")
-    assert json.loads(third.stdout)["name"] == "sweep-boxes-views-2"
+    third = mvtn(*words[:-1], 1, "--lr", 0.1, "--batch-size", "auto", "--json")
+    document = json.loads(third.stdout)
+    assert document["name"] == "sweep-boxes-views-2"
+    assert [Run.open(cell["runs"][0]["run"]).config.batch_size for cell in document["cells"]] == [32, 32]
 
 
 def test_a_broken_table_is_measured_again(boxes: str, own_folder: Path):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import copy
+import io
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
 from mvtn_cli.config import TrainConfig
+from mvtn_cli.console import Console
 from mvtn_cli.core.networks import build_recogniser
 from mvtn_cli.core.training import batch_size
-from mvtn_cli.core.training.batch_size import bytes_of_shape, fitting_batch_size, memory_limits
+from mvtn_cli.core.training.batch_size import bytes_of_shape, common_batch_size, fitting_batch_size, memory_limits
 from mvtn_cli.errors import MvtnError
 
 TINY = {"image_size": 32, "num_views": 4, "encoder_points": 64, "device": "cpu", "supersample": 1}
@@ -82,6 +85,17 @@ def test_processes_of_one_machine_share_its_memory_and_those_of_several_add_thei
     alone = fitting_batch_size(config, 40, 9843)
     gibibytes(24)
     assert fitting_batch_size(config, 40, 9843, here=2, size=4) == 4 * alone
+
+
+def test_trainings_that_are_compared_take_what_fits_for_each(gibibytes, boxes: Any):
+    gibibytes(8)
+    err = io.StringIO()
+    large = TrainConfig(backbone="resnet18", image_size=224, num_views=4, device="cpu")
+    small = large.model_copy(update={"num_views": 1})
+    sizes = [common_batch_size([one], boxes, Console(quiet=True)) for one in (large, small)]
+    assert sizes[0] < sizes[1]
+    assert common_batch_size([small, large], boxes, Console(err=err)) == sizes[0]
+    assert err.getvalue() == f"batch size {sizes[0]} (auto)\n"
 
 
 def test_a_memory_too_small_for_two_shapes_is_said(gibibytes):

@@ -6,8 +6,9 @@ The answer rests on the size of the memory and not on what is free of it, so tha
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import psutil
 import torch
@@ -15,8 +16,10 @@ from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorMode
 
 from mvtn_cli.config import TrainConfig
+from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
 from mvtn_cli.core.training.device import choose_device, use_mixed
+from mvtn_cli.core.training.split import training_indices
 from mvtn_cli.core.views import camera_positions
 from mvtn_cli.errors import MvtnError
 
@@ -26,6 +29,18 @@ SHARE = {"cpu": 0.5, "cuda": 0.8, "mps": 0.5}  # of the memory that a training m
 BESIDE = 2 << 30  # bytes for what does not grow with the batch: program, stored shapes, buffers of the renderer
 HEADROOM = 1.5  # of a step's peak over what it keeps for the backward pass: that pass needs room of its own
 SAMPLE_BYTES, PIXEL_BYTES = 33, 76  # of the renderer's buffers; a picture and its gradient count to the pixel
+
+
+def common_batch_size(
+    configs: Iterable[TrainConfig], prepared: Any, console: Console, *, here: int = 1, size: int = 1
+) -> int:
+    """The batch size with which each of some trainings fits, and say it; arguments as for `fitting_batch_size`."""
+    chosen = min(
+        fitting_batch_size(one, len(prepared.classes), len(training_indices(one, prepared).train), here=here, size=size)
+        for one in configs
+    )
+    console.note(f"batch size {chosen} (auto)")
+    return chosen
 
 
 def fitting_batch_size(
