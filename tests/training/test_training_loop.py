@@ -18,7 +18,7 @@ import torch
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks import recogniser
 from mvtn_cli.core.networks.recogniser import build_recogniser
-from mvtn_cli.core.training import learner, loop
+from mvtn_cli.core.training import learner, loop, ready
 from mvtn_cli.core.training.checkpoint import read_weights
 from mvtn_cli.core.training.find import dataset_word
 from mvtn_cli.core.training.loop import train
@@ -95,8 +95,8 @@ def test_a_frozen_backbone_keeps_weights_and_statistics(settings, boxes, quiet):
 
 def test_a_last_batch_of_one_shape_joins_the_one_before(settings, boxes, quiet, monkeypatch):
     sizes = []
-    load = loop.load_batch
-    monkeypatch.setattr(loop, "load_batch", lambda s, i, r: (sizes.append(len(i)), load(s, i, r))[1])
+    load = ready.load_batch
+    monkeypatch.setattr(ready, "load_batch", lambda s, i, r: (sizes.append(len(i)), load(s, i, r))[1])
     train(settings(batch_size=7, epochs=1), boxes, quiet)
     assert sizes == [8]
 

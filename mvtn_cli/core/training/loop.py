@@ -135,11 +135,10 @@ def _train(
         team.alone(lambda: compile_renderer(console, model.device, kind=kind, gradient=model.selector.learned))
     shapes = with_kept_views(prepared, config, console, model.device)
 
-    maker = ReadyMaker(team, model, shapes, config)
-
     # Where it stands, and what the cameras see before they learn.
     position = team.together(lambda: restore(run, model, optimisers))
     team.alone(lambda: run.cut_metrics(position.epoch))
+    maker = ReadyMaker(team, model, shapes, config)
     keep = partial(save, run, position, model, optimisers)
     steps = len(epoch_batches(indices.train, config.batch_size, config.seed, 0))
     pictures_checked, collapse_told, saved = not model.uses_views, False, time.monotonic()
@@ -158,7 +157,7 @@ def _train(
         coming = [partial(maker.make, batches[step], epoch, step) for step in range(position.step, steps)]
         with console.progress(title, steps) as ticker, one_ahead(coming) as made:
             ticker.advance(position.step)
-            for _, batch, look, generator, taken in made:
+            for batch, look, generator, taken in made:
                 # Schedules, and the randomness of this step: all from (seed, epoch, step).
                 step = position.step
                 done = schedules.progress_in_stage(config, epoch, step, steps)

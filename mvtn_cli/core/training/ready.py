@@ -8,7 +8,6 @@ import torch
 
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.core.networks.recogniser import Recogniser, Seen
-from mvtn_cli.core.networks.synced import Share
 from mvtn_cli.core.render import Look, ShapeBatch
 from mvtn_cli.core.render.devices import drawing_device, is_gpu
 from mvtn_cli.core.training.draws import look_of
@@ -22,14 +21,12 @@ class Ready(NamedTuple):
     """A process's share of a batch.
 
     Attributes:
-        share: Which shapes of the batch are its own.
-        batch: These.
+        batch: Its shapes.
         look: Of their pictures.
         generator: Of what is still to be drawn at random.
         seen: Their pictures, if those do not wait for the step before.
     """
 
-    share: Share
     batch: ShapeBatch
     look: Look
     generator: torch.Generator
@@ -74,8 +71,8 @@ class ReadyMaker:
         generator = step_generator(config.seed, epoch, step)
         look = look_of(share, Look.training(config, share.total, kind, generator))
         if self.drawer is None:
-            return Ready(share, packed.pinned() if self.pinned else packed, look, generator, None)
+            return Ready(packed.pinned() if self.pinned else packed, look, generator, None)
         with torch.no_grad(), self.team.drawing(share):
             placement = self.drawer.place(packed, generator=generator)
             images = self.drawer.take_pictures(packed, look, placement)
-        return Ready(share, packed, look, generator, Seen(placement, images))
+        return Ready(packed, look, generator, Seen(placement, images))
