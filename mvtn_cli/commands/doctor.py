@@ -33,8 +33,9 @@ NEEDED = {  # import name: distribution
     "matplotlib": "matplotlib",
     "jinja2": "jinja2",
     "PIL": "pillow",
+    "psutil": "psutil",
 }
-LOW_DISK = 2_000_000_000  # bytes
+LOW_DISK = LOW_MEMORY = 2_000_000_000  # bytes
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,18 @@ def _threads(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     yield Finding("threads", "warn" if few else "ok", detail, fix)
 
 
+def _memory(config: DoctorConfig, call: Call) -> Iterator[Finding]:
+    import psutil
+    import torch
+
+    from mvtn_cli.core.training.batch_size import memory_of
+
+    allowed, free = memory_of(torch.device("cpu")), psutil.virtual_memory().available
+    low = free < LOW_MEMORY
+    fix = "stop other programs, or train with a small --batch-size" if low else ""
+    yield Finding("memory", "warn" if low else "ok", f"{size_words(allowed)}, {size_words(free)} free", fix)
+
+
 def _renderer(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     import numba
 
@@ -206,6 +219,6 @@ def _writable(path: Path) -> bool:
 
 
 CHECKS: tuple[Callable[[DoctorConfig, Call], Iterator[Any]], ...] = (
-    *(_python, _packages, _devices, _threads, _renderer),
+    *(_python, _packages, _devices, _threads, _memory, _renderer),
     *(_cache, _runs, _disk, _imagenet_weights, _terminal),
 )

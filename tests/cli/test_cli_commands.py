@@ -465,6 +465,7 @@ def test_doctor_finds_this_machine_fit_and_an_unwritable_cache_not(
         "threads",
         "renderer",
         "cache",
+        "memory",
         "disk",
     }
     assert names >= {"imagenet weights", "terminal", "runs"}
