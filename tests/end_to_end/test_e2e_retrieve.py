@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,13 @@ def test_a_bare_call_measures_the_latest_run_and_the_second_time_describes_nothi
     mean = sum(float(row["ap"]) for row in queries) / 12
     assert mean == pytest.approx(found["micro"]["ap"], abs=1e-5)
     assert sum(float(row["ap"]) for row in classes) / len(classes) == pytest.approx(found["macro"]["ap"], abs=1e-5)
+    curves = rows(folder / "precision_recall.csv")
+    assert len(curves) == 21 and list(curves[0])[:3] == ["recall", "micro", "macro"]
+    assert [float(row["micro"]) for row in curves] == pytest.approx(found["precision_recall"]["micro"], abs=1e-5)
+    assert all(float(a["micro"]) >= float(b["micro"]) for a, b in pairwise(curves))
+    assert "recall" in (folder / "precision_recall.svg").read_text()
+    with Image.open(folder / "precision_recall.png") as image:
+        assert image.width > 700
     with Image.open(folder / "figure.png") as image:
         assert image.width > 11 * 112 and image.height > 5 * 112
     again = retrieve("--json", "--figure", "0")
@@ -113,6 +121,9 @@ def test_shrec17_writes_official_files_that_score_the_same(retrieve: Retrieve):
     assert float(official[-2]["mAP"]) == pytest.approx(scored["micro"]["mAP"], abs=1e-5)
     assert {(row["dataset"], row["method"]) for row in official} == {("test_normal", "tiny")}
     assert len(rows(Path("sent/per_class.csv"))) == len(official) - 2
+    assert [float(row["macro"]) for row in rows(Path("sent/tiny.pr.csv"))] == pytest.approx(
+        scored["precision_recall"]["macro"], abs=1e-5
+    )
     narrow = retrieve("--protocol", "shrec17", "--lists", "same-class", "--figure", 0, "--json").document
     assert narrow["micro"]["P@N"] > done.document["micro"]["P@N"]
     assert not Path("runs/tiny/retrieval-shrec17/test_normal").exists()

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
-from sklearn.metrics import average_precision_score, ndcg_score
+from sklearn.metrics import average_precision_score, ndcg_score, precision_recall_curve
 
 from mvtn_cli.core.retrieval import distances
+from mvtn_cli.core.retrieval.curves import RECALL, curves_of
 from mvtn_cli.core.retrieval.distances import Gallery
 from mvtn_cli.core.retrieval.metrics import score, summary
 from mvtn_cli.errors import DataError
@@ -51,6 +52,28 @@ def by_sorting(key: np.ndarray, relevant: np.ndarray, cuts: tuple[int, ...]) -> 
         both = precision + recall
         found |= {f"p@{cut}": precision, f"r@{cut}": recall, f"f1@{cut}": 2 * precision * recall / both if both else 0}
     return found
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("grid", [2, 5, None])
+def test_interpolated_precision_is_the_highest_at_this_recall_or_a_greater_one(seed: int, grid: int | None):
+    queries, labels, gallery, theirs = scattered(seed, grid=grid)
+    curves = score(queries, labels, Gallery.of(gallery), theirs).curves
+    for curve, away, label in zip(curves, far(queries, gallery), labels, strict=True):
+        precision, recall, _ = precision_recall_curve(theirs == label, -away)
+        precision, recall = precision[:-1], recall[:-1]  # the last point is made up: precision 1 at recall 0
+        expected = [precision[recall >= level - 1e-9].max() for level in RECALL]
+        assert np.allclose(curve, expected, rtol=0, atol=1e-12)
+
+
+def test_curves_are_averaged_over_queries_and_over_classes():
+    values = np.array([[1.0] * 21, [0.5] * 21, [0.0] * 21, [np.nan] * 21])
+    found = curves_of(values, np.array(["chair", "chair", "mug", "none"]))
+    assert found["recall"] == RECALL.tolist() and found["recall"][1] == 0.05
+    assert found["micro"] == [0.5] * 21 and found["macro"] == [0.375] * 21
+    assert found["classes"] == {"chair": [0.75] * 21, "mug": [0.0] * 21}
+    nothing = curves_of(values[3:], np.array(["none"]))
+    assert np.isnan(nothing["micro"]).all() and nothing["classes"] == {}
 
 
 @pytest.mark.parametrize("seed", range(8))

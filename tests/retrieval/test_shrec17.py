@@ -53,6 +53,14 @@ def test_a_list_by_hand():
     assert found["NDCG"] == pytest.approx(dcg / ideal)
 
 
+def test_precision_against_recall_by_hand():
+    """Query 1, list 1 5 4 3: precision 1, 2/3, 3/4 at recall 1/4, 2/4, 3/4 of 4 relevant; the fourth is not found."""
+    curves = score_lists(TRUTH, {"000001": ranked(1, 5, 4, 3), "000005": ranked(5, 6)})["precision_recall"]
+    chair = np.array([1.0] * 6 + [3 / 4] * 10 + [0.0] * 5)  # at recall 0 to .25, to .75, to 1
+    assert np.allclose(curves["classes"]["chair"], chair / 4) and np.allclose(curves["classes"]["table"], 1 / 2)
+    assert np.allclose(curves["micro"], (chair + 1) / 6) and np.allclose(curves["macro"], (chair / 4 + 1 / 2) / 2)
+
+
 def test_the_worth_of_parents_is_not_symmetric():
     """To 4, known as a chair only, armchairs are another kind (1); to an armchair, 4 is the parent (2)."""
     found = per_query({"000004": ranked(4, 1)}, "000004")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mvtn_cli.core.retrieval.distances import Gallery, as_descriptors
-from mvtn_cli.core.retrieval.ranks import rank_block
+from mvtn_cli.core.retrieval.ranks import LEVELS, rank_block
 
 Float64 = NDArray[np.float64]
 CUTS = (1, 10, 100)
@@ -25,11 +25,14 @@ class Scores:
         relevant: (Q,) how many shapes of the gallery have its class.
         values: By name, (Q,) each: `ap`, `ap_printed`, `ndcg`, and `p@N`, `r@N`, `f1@N` for each cut N; NaN where
             nothing is relevant.
+        curves: (Q, 21) interpolated precision, the highest at this recall or a greater one, at recall 0, 0.05, …, 1;
+            NaN where nothing is relevant.
     """
 
     labels: NDArray[np.int64]
     relevant: NDArray[np.int64]
     values: Mapping[str, Float64]
+    curves: Float64
 
 
 def score(
@@ -65,7 +68,7 @@ def score(
         hits = found[:, 3 + number]
         precision, recall = hits / length, np.divide(hits, relevant, out=hits * np.nan, where=relevant > 0)
         values |= {f"p@{cut}": precision, f"r@{cut}": recall, f"f1@{cut}": f1(precision, recall)}
-    return Scores(labels, relevant, values)
+    return Scores(labels, relevant, values, found[:, -LEVELS:])
 
 
 def _labels(given: ArrayLike) -> NDArray[np.int64]:
@@ -89,7 +92,7 @@ def _rank(
     position = np.arange(1, len(theirs) + 1)
     sums = np.zeros((2, len(theirs) + 1))
     sums[:, 1:] = np.cumsum([1 / position, 1 / np.log2(position + 1)], axis=1)
-    found = np.empty((len(rows), 3 + len(lengths)))
+    found = np.empty((len(rows), 3 + len(lengths) + LEVELS))
 
     def work(block: slice, keys: Float64) -> None:
         rank_block(keys, many, gallery.place, members, offsets, labels[block], sums, lengths, found[block])

@@ -14,6 +14,7 @@ import numpy as np
 from mvtn_cli.core.render.compiled import njit
 
 BUCKETS_EACH = 8  # of a relevant shape: few gaps share one
+LEVELS = 21  # of recall, from 0 to 1, at which precision is interpolated
 MOST_BUCKETS = 32_768  # 128 kB: stay in the second cache
 
 
@@ -82,9 +83,10 @@ def rank_block(
         labels: (B,) int64 class of each query.
         sums: (2, N + 1) float64, over the first n positions: of 1/n, and of the discount 1/log2(n + 1).
         cuts: (K,) int64 positions after which hits are counted.
-        out: (B, 3 + K) float64, filled with AP, `ap_printed`, NDCG and the hits at each cut; NaN where nothing is
-            relevant. Equal distances share their positions: AP takes the precision at the end of the group (as
-            scikit-learn does), all else the mean over the group's positions.
+        out: (B, 3 + K + 21) float64, filled with AP, `ap_printed`, NDCG, the hits at each cut, and precision
+            interpolated at recall 0, 0.05, …, 1; NaN where nothing is relevant. Equal distances share their positions:
+            AP and the precision that is interpolated are taken at the end of the group (as scikit-learn does), all
+            else is the mean over the group's positions.
     """
     for row in range(len(labels)):
         begin, end = offsets[labels[row]], offsets[labels[row] + 1]
@@ -101,7 +103,7 @@ def rank_block(
 
 @njit
 def _measure(relevant: Any, found: Any, sums: Any, cuts: Any, out: Any) -> None:
-    count, first = len(relevant), 0
+    count, first, curve = len(relevant), 0, out[3 + len(cuts) :]
     out[:] = 0.0
     while first < count:
         after = first + 1
@@ -115,7 +117,11 @@ def _measure(relevant: Any, found: Any, sums: Any, cuts: Any, out: Any) -> None:
         out[2] += share * (sums[1, within] - sums[1, closer])
         for k in range(len(cuts)):
             out[3 + k] += share * min(max(cuts[k] - closer, 0), group)
+        level = (LEVELS - 1) * after // count
+        curve[level] = max(curve[level], after / within)
         first = after
+    for level in range(LEVELS - 2, -1, -1):
+        curve[level] = max(curve[level], curve[level + 1])
     out[0] /= count
     out[1] /= count
     out[2] /= sums[1, count]

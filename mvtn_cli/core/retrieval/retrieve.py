@@ -6,8 +6,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mvtn_cli.core.evaluation.evaluate import provenance
 from mvtn_cli.core.evaluation.files import write_csv, write_json
+from mvtn_cli.core.retrieval.curves import curves_of, draw_curves, write_curves
 from mvtn_cli.core.retrieval.descriptors import labelled
 from mvtn_cli.core.retrieval.distances import Gallery
 from mvtn_cli.core.retrieval.figure import write_figure
@@ -29,7 +32,8 @@ def retrieve_run(run: Run, prepared: Prepared, config: RetrieveConfig, console: 
     """Measure retrieval by one of the protocols.
 
     Writes into `config.out`, else into the run's folder `retrieval` (`retrieval-shrec17`): `result.json`,
-    `per_class.csv`, `queries.csv` (protocol "paper") and `figure.png`; with `config.out` also the contest's files.
+    `per_class.csv`, `precision_recall.csv`, `.svg` and `.png`, `queries.csv` (protocol "paper") and `figure.png`; with
+    `config.out` also the contest's files.
 
     Args:
         run: A run that has weights.
@@ -85,12 +89,16 @@ def measure_paper(searchable: Searchable, config: RetrieveConfig, folder: Path) 
     shown = zip([prepared.records[i].name for i in indices], words, scores.relevant, values, strict=True)
     lines = [(name, word, relevant, *measures) for name, word, relevant, measures in shown]
     write_csv(folder / "queries.csv", ("name", "label", "relevant", *names), lines)
+    curves = curves_of(scores.curves, np.array(words))
+    write_curves(folder / "precision_recall.csv", curves)
+    draw_curves(folder, curves, f"{searchable.describer.run.name}: test shapes search the training shapes")
     nearest = search(searchable.rows, rows, max(config.at), config.metric, config.index) if _is_extra(config) else None
     return {
         "gallery": {"split": "train", "count": len(searchable.indices)},
         "split": "test",
         "cuts": list(config.at),
         **found,
+        "precision_recall": curves,
         "index": nearest.about if nearest else {"name": "exact"},
         "figure": write_figure(folder, searchable, indices, rows, config),
     }

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from mvtn_cli.core.evaluation.files import write_csv
 from mvtn_cli.core.reporting.file_names import write_picture
+from mvtn_cli.core.retrieval.curves import curves_of, interpolated
 from mvtn_cli.core.retrieval.metrics import f1
+from mvtn_cli.core.retrieval.ranks import LEVELS
 from mvtn_cli.errors import DataError
 
 MEASURES = ("P@N", "R@N", "F1@N", "mAP", "NDCG")
@@ -66,17 +68,17 @@ def score_lists(truth: Truth, lists: Mapping[str, List]) -> dict[str, Any]:
 
     Returns:
         `micro` (mean of queries), `macro` (mean of the means of synsets), `mean` of the two, by which the challenge
-        ranks, `per_class`, `queries` and `unanswered`.
+        ranks, `per_class`, `queries` and `unanswered`, and `precision_recall` of all relevant shapes (`curves_of`).
     """
     number = {name: index for index, name in enumerate(truth.ids)}
     names, codes = np.unique([truth.synsets, truth.subsynsets], return_inverse=True)
     synsets, subsynsets = codes.reshape(2, -1)
-    rows, unanswered = np.zeros((len(truth.ids), len(MEASURES))), 0
+    rows, curves, unanswered = np.zeros((len(truth.ids), len(MEASURES))), np.zeros((len(truth.ids), LEVELS)), 0
     for query, name in enumerate(truth.ids):
         found = _known(lists.get(name, ()), number)
         unanswered += not found
         if found:
-            rows[query] = _score_one(gains(synsets, subsynsets, query), found)
+            rows[query], curves[query] = _score_one(gains(synsets, subsynsets, query), found)
     by_class = {str(names[code]): rows[synsets == code] for code in np.unique(synsets)}
     micro = rows.mean(axis=0)
     macro = np.mean([mine.mean(axis=0) for mine in by_class.values()], axis=0)
@@ -89,6 +91,7 @@ def score_lists(truth: Truth, lists: Mapping[str, List]) -> dict[str, Any]:
         "per_class": [
             {"name": name, "queries": len(own), **_named(own.mean(axis=0))} for name, own in by_class.items()
         ],
+        "precision_recall": curves_of(curves, names[synsets]),
     }
 
 
@@ -98,20 +101,21 @@ def _known(entries: List, number: Mapping[str, int]) -> list[int]:
     return list(dict.fromkeys(number[name] for name in names if name in number))
 
 
-def _score_one(worth: NDArray[np.int64], found: Sequence[int]) -> tuple[float, ...]:
+def _score_one(worth: NDArray[np.int64], found: Sequence[int]) -> tuple[tuple[float, ...], NDArray[np.float64]]:
     gained = worth[list(found)]
     hit, relevant = gained > 0, int((worth > 0).sum())
     precision = np.array(hit.sum() / len(found))
     recall = np.array(hit.sum() / min(relevant, LONGEST))
     at_hits = (np.cumsum(hit) / np.arange(1, len(found) + 1))[hit]
     ideal = np.sort(worth)[::-1][:LONGEST]
-    return (
+    measures = (
         float(precision),
         float(recall),
         float(f1(precision, recall)),
         float(at_hits.sum() / relevant),
         _dcg(gained) / _dcg(ideal),
     )
+    return measures, interpolated(at_hits, relevant)
 
 
 def _dcg(gained: NDArray[np.int64]) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mvtn_cli.core.datasets.shapenet import SYNSETS
 from mvtn_cli.core.evaluation.files import write_csv
+from mvtn_cli.core.retrieval.curves import draw_curves, write_curves
 from mvtn_cli.core.retrieval.descriptors import labelled
 from mvtn_cli.core.retrieval.figure import write_figure
 from mvtn_cli.core.retrieval.index import search
@@ -38,7 +39,7 @@ def measure_shrec17(searchable: Searchable, config: RetrieveConfig, folder: Path
 
     With `config.out`, writes what a participant sends, `OUT/SPLIT_normal/000123` (or `_perturbed`), one file a query;
     the truth that they are scored by, `OUT/all.csv`; and the scores as the official evaluator writes them,
-    `OUT/RUN.summary.csv`.
+    `OUT/RUN.summary.csv` and `OUT/RUN.pr.csv`.
     """
     prepared = searchable.prepared
     indices = labelled(prepared, config.split)
@@ -52,13 +53,17 @@ def measure_shrec17(searchable: Searchable, config: RetrieveConfig, folder: Path
     lists, about = ranked_lists(rows, ids, groups, config)
     truth = truth_of(prepared, indices, ids)
     found = score_lists(truth, lists)
+    curves = found["precision_recall"]
     if config.out is not None:
         dataset, method = f"{config.split}_{variant(prepared)}", searchable.describer.run.name
         write_lists(folder / dataset, lists)
         write_summary(folder / f"{method}.summary.csv", found, dataset, method)
+        write_curves(folder / f"{method}.pr.csv", curves)
         write_truth(folder / "all.csv", truth, [prepared.records[i].name for i in indices], config.split)
     columns = ("name", "queries", *MEASURES)
     write_csv(folder / "per_class.csv", columns, [[row[key] for key in columns] for row in found["per_class"]])
+    write_curves(folder / "precision_recall.csv", curves)
+    draw_curves(folder, curves, f"{searchable.describer.run.name}: {config.split} shapes search each other, SHREC'17")
     return {
         "gallery": {"split": config.split, "count": len(ids)},
         "split": config.split,

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mvtn_cli.core.training.checkpoint import write_run_file
+from mvtn_cli.core.training.figures import save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +32,6 @@ def draw_plots(folder: Path, runs: Sequence[Mapping[str, Any]], title: str) -> l
         runs: As in the document: `name`, `clean` and `corruptions`.
         title: Stands over all panels.
     """
-    import matplotlib
     from matplotlib.figure import Figure
 
     kinds = [kind for kind in AXES if any(entry["kind"] == kind for entry in runs[0]["corruptions"])]
@@ -51,14 +49,7 @@ def draw_plots(folder: Path, runs: Sequence[Mapping[str, Any]], title: str) -> l
     panels[0, 0].set_ylim(0, 100)
     if len(runs) > 1:
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower left", fontsize=8, frameon=False)
-    paths = []
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": title}):
-        for suffix in ("svg", "png"):
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
-            paths.append(folder / f"robustness.{suffix}")
-            write_run_file(paths[-1], buffer.getvalue())
-    return paths
+    return save_figure(figure, folder, "robustness", title)
 
 
 def _draw_panel(axes: Axes, kind: str, runs: Sequence[Mapping[str, Any]]) -> None:

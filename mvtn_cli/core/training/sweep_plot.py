@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mvtn_cli.core.training.checkpoint import write_run_file
+from mvtn_cli.core.training.figures import save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +25,6 @@ def draw_plots(folder: Path, cells: Sequence[Mapping[str, Any]], fields: Sequenc
         fields: The settings that are varied; the first one decides the colour, the second one the form of a mark.
         title: Stands over it.
     """
-    import matplotlib
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.6), layout="constrained")
@@ -40,14 +38,7 @@ def draw_plots(folder: Path, cells: Sequence[Mapping[str, Any]], fields: Sequenc
         _mark(axes, cell, _style(cells, cell, fields))
         if len(cells) <= NAMED:
             _name(axes, cell)
-    paths = []
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": title}):
-        for suffix in ("svg", "png"):
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
-            paths.append(folder / f"sweep.{suffix}")
-            write_run_file(paths[-1], buffer.getvalue())
-    return paths
+    return save_figure(figure, folder, "sweep", title)
 
 
 def _limit(axes: Axes, cells: Sequence[Mapping[str, Any]]) -> None:
