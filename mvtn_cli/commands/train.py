@@ -78,7 +78,10 @@ def _sized(
 ) -> TrainConfig:
     """The same training with as many shapes a step as fit into memory; `here` and `size` count its processes."""
     from mvtn_cli.core.training.batch_size import common_batch_size
+    from mvtn_cli.core.training.find import begun_batch_size
 
+    if not options.compare and (begun := begun_batch_size(config, prepared)) is not None:
+        return config.model_copy(update={"batch_size": begun})
     several = [config.model_copy(update={"views": name}) for name in options.selections()] or [config]
     chosen = common_batch_size(several, prepared, call.console, here=here, size=size)
     return config.model_copy(update={"batch_size": chosen})

@@ -20,7 +20,7 @@ from mvtn_cli.core.networks import recogniser
 from mvtn_cli.core.networks.recogniser import build_recogniser
 from mvtn_cli.core.training import learner, loop, ready
 from mvtn_cli.core.training.checkpoint import read_weights
-from mvtn_cli.core.training.find import dataset_word
+from mvtn_cli.core.training.find import begun_batch_size, dataset_word
 from mvtn_cli.core.training.loop import train
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.errors import Interrupted, MvtnError, UsageError
@@ -91,6 +91,19 @@ def test_a_frozen_backbone_keeps_weights_and_statistics(settings, boxes, quiet):
     frozen = [name for name in before if name.startswith("network.backbone.")]
     assert all(torch.equal(before[name], after[name]) for name in frozen)
     assert not torch.equal(before["network.head.classifier.weight"], after["network.head.classifier.weight"])
+
+
+def test_a_batch_size_left_open_is_that_of_the_unfinished_run(settings, boxes, quiet):
+    config = settings(batch_size=3)
+    assert begun_batch_size(settings(), boxes) is None
+    with pytest.raises(Interrupted):
+        loop.train(config, boxes, quiet, stop=lambda: True, name="mine")
+    assert begun_batch_size(settings(batch_size=32), boxes) == 3
+    assert begun_batch_size(settings(batch_size=32, name="mine"), boxes) == 3
+    assert begun_batch_size(settings(batch_size=32, name="other"), boxes) is None
+    assert begun_batch_size(settings(batch_size=32, seed=1), boxes) is None
+    loop.train(config, boxes, quiet, name="mine")
+    assert begun_batch_size(settings(batch_size=32), boxes) is None  # it is finished
 
 
 def test_a_last_batch_of_one_shape_joins_the_one_before(settings, boxes, quiet, monkeypatch):

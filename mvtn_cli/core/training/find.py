@@ -61,6 +61,20 @@ def find_or_create_run(
     raise AssertionError("the candidates never end")
 
 
+def begun_batch_size(config: TrainConfig, prepared: Any) -> int | None:
+    """The batch size of an unfinished run that differs in nothing else, so that it can be gone on with.
+
+    Args:
+        config: The settings; with a name, only the run of this name is looked at.
+        prepared: The data set.
+    """
+    named = [Run(config.runs / config.name)] if config.name else Run.all(config.runs)
+    for run in named:
+        if run.exists and not run.finished and readable_differences(run, config, prepared).keys() <= {"batch_size"}:
+            return run.config.batch_size
+    return None
+
+
 def differences(run: Run, config: TrainConfig, prepared: Any) -> dict[str, tuple[Any, Any]]:
     """Each setting that differs, with its old and its new value; the data count as one setting."""
     old, new = (c.model_dump(mode="json", exclude=set(NOT_SETTINGS)) for c in (run.config, config))
