@@ -65,6 +65,11 @@ def test_the_batch_is_a_power_of_two_that_fits_and_grows_with_memory(gibibytes):
     assert all(size & (size - 1) == 0 for size in sizes)
 
 
+def test_the_defaults_fit_into_a_small_container(gibibytes):
+    gibibytes(2)
+    assert fitting_batch_size(TrainConfig(device="cpu"), 12, 432) == 32
+
+
 @pytest.mark.parametrize("views", ["fixed", "random", "transferred"])
 def test_views_that_do_not_learn_need_no_viewpoint_network_for_it(views: str):
     config = TrainConfig(**TINY, views=views, views_from="not read" if views == "transferred" else None)
@@ -81,9 +86,9 @@ def test_memory_without_end_gives_no_batch_that_leaves_too_few_steps(gibibytes, 
 
 def test_processes_of_one_machine_share_its_memory_and_those_of_several_add_theirs(gibibytes):
     config = TrainConfig(backbone="resnet18", image_size=224, num_views=8, device="cpu")
-    gibibytes(12)
+    gibibytes(6)
     alone = fitting_batch_size(config, 40, 9843)
-    gibibytes(24)
+    gibibytes(12)
     assert fitting_batch_size(config, 40, 9843, here=2, size=4) == 4 * alone
 
 

@@ -25,8 +25,8 @@ from mvtn_cli.errors import MvtnError
 
 USUAL, MOST = 32, 256  # shapes a step: of all trainings, and of those whose epochs have enough steps even so
 STEPS = 64  # that are enough
-SHARE = {"cpu": 0.5, "cuda": 0.8, "mps": 0.5}  # of the memory that a training may take
-BESIDE = 2 << 30  # bytes for what does not grow with the batch: program, stored shapes, buffers of the renderer
+SHARE = {"cpu": 0.6, "cuda": 0.8, "mps": 0.5}  # of the memory that a training may take
+BESIDE = 1 << 30  # bytes for what does not grow with the batch: program, stored shapes, buffers of the renderer
 HEADROOM = 1.5  # of a step's peak over what it keeps for the backward pass: that pass needs room of its own
 SAMPLE_BYTES, PIXEL_BYTES = 33, 76  # of the renderer's buffers; a picture and its gradient count to the pixel
 
