@@ -66,7 +66,7 @@ class MachineConfig(ShapesConfig):
 
 
 class StepsConfig(Config):
-    """For commands that take the shapes of a finished training in steps; no answer depends on how many at a time."""
+    """For commands that take shapes in steps; how many at a time matters only where views are random."""
 
     batch_size: int | None = option(
         32, "Shapes a step; auto: as many as in the run's training", "Machine", ge=1, le=4096, auto=True

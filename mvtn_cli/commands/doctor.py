@@ -133,7 +133,8 @@ def _memory(config: DoctorConfig, call: Call) -> Iterator[Finding]:
 
     from mvtn_cli.core.training.batch_size import memory_of
 
-    allowed, free = memory_of(torch.device("cpu")), psutil.virtual_memory().available
+    allowed = memory_of(torch.device("cpu"))
+    free = min(allowed, psutil.virtual_memory().available)
     low = free < LOW_MEMORY
     fix = "stop other programs, or train with a small --batch-size" if low else ""
     yield Finding("memory", "warn" if low else "ok", f"{size_words(allowed)}, {size_words(free)} free", fix)

@@ -40,7 +40,7 @@ def sweep(config: SweepConfig, call: Call) -> None:
     from mvtn_cli.core.training.batch_size import common_batch_size
     from mvtn_cli.core.training.sweep import Cell, sweep
 
-    if config.batch_size is None and "batch_size" not in fields:
+    if config.batch_size is None and (config.one_at_a_time or "batch_size" not in fields):
         chosen = common_batch_size(plan.values(), prepared, call.console)
         config = config.model_copy(update={"batch_size": chosen})
         plan = plan_of(config)

@@ -82,9 +82,14 @@ def _sized(
 
     if not options.compare and (begun := begun_batch_size(config, prepared)) is not None:
         return config.model_copy(update={"batch_size": begun})
-    several = [config.model_copy(update={"views": name}) for name in options.selections()] or [config]
+    several = _each_selection(options, config)
     chosen = common_batch_size(several, prepared, call.console, here=here, size=size)
     return config.model_copy(update={"batch_size": chosen})
+
+
+def _each_selection(options: TrainOptions, config: TrainConfig) -> list[TrainConfig]:
+    """The trainings of a comparison, but for their seeds; else the only one."""
+    return [config.model_copy(update={"views": name}) for name in options.selections()] or [config]
 
 
 def _train_with_others(options: TrainOptions, config: TrainConfig, call: Call) -> ExitCode | None:
@@ -185,8 +190,12 @@ def _plan(options: TrainOptions, config: TrainConfig, call: Call) -> None:
     if batch_size is None:
         from mvtn_cli.core.training.batch_size import fitting_batch_size
 
-        here = options.devices
-        batch_size = fitting_batch_size(config, len(dataset.classes), shapes - held_out, here=here, size=here)
+        here, classes = options.devices, len(dataset.classes)
+        batch_size = min(
+            fitting_batch_size(one, classes, shapes - held_out, here=here, size=here)
+            for one in _each_selection(options, config)
+        )
+        call.console.note(f"batch size {batch_size} (auto); an unfinished run goes on with the one that it has")
     plan = {
         "dataset": dataset.spec,
         "classes": len(dataset.classes),

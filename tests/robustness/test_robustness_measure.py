@@ -216,6 +216,8 @@ def test_what_is_finished_is_not_done_again(make_run, evaluations):
     assert [one.kind for one in evaluations] == ["clean", "rotate", "rotate"]
     assert document([run], toy, config_of(rotate=[90], batch_size=4))["runs"] == first["runs"]
     assert len(evaluations) == 3
+    open_size = document([run], toy, config_of(rotate=[90], batch_size=None))
+    assert open_size["batch_size"] == run.config.batch_size and len(evaluations) == 3
     document([run], toy, config_of(rotate=[90, 180], scale=[0.5], repeats=3))
     new = [(one.kind, one.strength, one.repeat) for one in evaluations[3:]]
     assert new == [("rotate", 90, 2), *(("rotate", 180, n) for n in range(3)), ("scale", 0.5, 0)]

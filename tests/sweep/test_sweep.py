@@ -15,6 +15,7 @@ from mvtn_cli.app import app
 from mvtn_cli.commands.settings import resolve
 from mvtn_cli.commands.sweep import plan_of, settings_of
 from mvtn_cli.config import SweepConfig, TrainConfig
+from mvtn_cli.core.training import batch_size
 from mvtn_cli.core.training import sweep as sweep_module
 from mvtn_cli.core.training.run import Run
 from mvtn_cli.core.training.sweep_plot import draw_plots
@@ -120,6 +121,18 @@ def test_settings_may_stand_in_a_file():
 def test_a_batch_size_that_is_not_known_yet_is_the_default_until_then():
     assert {one.batch_size for one in plan("views=fixed,random", batch_size="auto").values()} == {32}
     assert [one.batch_size for one in plan("batch-size=4,8", batch_size="auto").values()] == [4, 8]
+
+
+def test_plain_settings_beside_a_varied_batch_size_get_what_fits(
+    boxes: str, own_folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    asked: list[TrainConfig] = []
+    monkeypatch.setattr(batch_size, "common_batch_size", lambda configs, *_: asked.extend(configs) or 3)
+    words = ("--vary", "batch-size=2,4", "--one-at-a-time", "--batch-size", "auto")
+    done = mvtn(boxes, *TINY, *words, "--json")
+    assert done.exit_code == 0, done.stderr
+    assert [cell["settings"]["batch_size"] for cell in json.loads(done.stdout)["cells"]] == [3, 2, 4]
+    assert len(asked) == 3
 
 
 def test_a_dry_run_prints_the_combinations_and_writes_nothing(own_folder: Path):

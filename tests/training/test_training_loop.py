@@ -102,6 +102,9 @@ def test_a_batch_size_left_open_is_that_of_the_unfinished_run(settings, boxes, q
     assert begun_batch_size(settings(batch_size=32, name="mine"), boxes) == 3
     assert begun_batch_size(settings(batch_size=32, name="other"), boxes) is None
     assert begun_batch_size(settings(batch_size=32, seed=1), boxes) is None
+    (config.runs / "foreign").mkdir()
+    (config.runs / "foreign" / "run.json").write_text("{}")
+    assert begun_batch_size(settings(batch_size=32), boxes) == 3
     loop.train(config, boxes, quiet, name="mine")
     assert begun_batch_size(settings(batch_size=32), boxes) is None  # it is finished
 

@@ -13,7 +13,7 @@ import torch
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks import Recogniser, build_recogniser
-from mvtn_cli.core.networks.synced import Share
+from mvtn_cli.core.networks.synced import Exchange, Share, SyncedBatchNorm, synchronise_batch_norm
 from mvtn_cli.core.render import ShapeBatch
 from mvtn_cli.core.training import loop, ready
 from mvtn_cli.core.training.draws import WholeBatchDraws
@@ -128,3 +128,12 @@ def test_a_gpu_that_draws_gets_batches_in_pinned_memory_and_nobody_else(
         before, after = getattr(plain, field.name), getattr(batch, field.name)
         same = after == before if isinstance(before, tuple | type(None)) else (after == before).all()
         assert same, field.name
+
+
+def test_layers_that_exchange_with_other_processes_can_be_copied_for_it(settings: Settings):
+    """A process group can't be copied, and neither can a lock."""
+    model = build_recogniser(settings(views="learned-spherical"), 4)
+    exchange = Exchange(threading.Lock(), Share(4))
+    synchronise_batch_norm(model, exchange)
+    layers = [layer for layer in model.for_drawing().selector.modules() if isinstance(layer, SyncedBatchNorm)]
+    assert layers and all(layer.exchange is exchange for layer in layers)

@@ -78,6 +78,10 @@ class Exchange:
     group: Any
     share: Share
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Exchange:
+        """Itself: copies of layers exchange with the same processes, which can't be copied."""
+        return self
+
 
 class SyncedBatchNorm(BatchNorm):
     """A BatchNorm of any kind, with the same weights, buffers and names, that normalises by the whole batch's moments.

@@ -29,6 +29,7 @@ def document_of(
 ) -> dict[str, Any]:
     """The answer of a measurement, for programs; runs are in the order in which they were named."""
     labels = [prepared.records[index].label for index in indices]
+    sizes = {config.shapes_a_step(one.run.config.batch_size) for one in measured}
     return {
         "schema": SCHEMA,
         "data": {"spec": prepared.spec, "title": prepared.title, "address": prepared.address},
@@ -38,7 +39,7 @@ def document_of(
         "checkpoint": config.checkpoint,
         "seed": config.seed,
         "repeats": config.repeats,
-        "batch_size": config.batch_size,
+        "batch_size": sizes.pop() if len(sizes) == 1 else None,
         "runs": [_run_entry(one, labels) for one in measured],
         "versions": {
             "mvtn": __version__,

@@ -70,7 +70,7 @@ def begun_batch_size(config: TrainConfig, prepared: Any) -> int | None:
     """
     named = [Run(config.runs / config.name)] if config.name else Run.all(config.runs)
     for run in named:
-        if run.exists and not run.finished and readable_differences(run, config, prepared).keys() <= {"batch_size"}:
+        if run.exists and readable_differences(run, config, prepared).keys() <= {"batch_size"} and not run.finished:
             return run.config.batch_size
     return None
 
