@@ -131,7 +131,7 @@ def _memory(config: DoctorConfig, call: Call) -> Iterator[Finding]:
     import psutil
     import torch
 
-    from mvtn_cli.core.training.batch_size import memory_of
+    from mvtn_cli.core.training.device import memory_of
 
     allowed = memory_of(torch.device("cpu"))
     free = min(allowed, psutil.virtual_memory().available)

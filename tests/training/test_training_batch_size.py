@@ -14,7 +14,8 @@ from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks import build_recogniser
 from mvtn_cli.core.training import batch_size
-from mvtn_cli.core.training.batch_size import bytes_of_shape, common_batch_size, fitting_batch_size, memory_limits
+from mvtn_cli.core.training.batch_size import bytes_of_shape, common_batch_size, fitting_batch_size
+from mvtn_cli.core.training.device import memory_limits
 from mvtn_cli.errors import MvtnError
 
 TINY = {"image_size": 32, "num_views": 4, "encoder_points": 64, "device": "cpu", "supersample": 1}

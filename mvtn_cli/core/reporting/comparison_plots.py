@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mvtn_cli.core.reporting import plots, words
+from mvtn_cli.core.training.figures import figure_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -82,7 +82,6 @@ def draw_progress(lines: Sequence[Line], groups: int, title: str, form: str) -> 
         title: Stands over it.
         form: `svg` or `png`.
     """
-    import matplotlib
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 4.4), layout="constrained")
@@ -101,10 +100,7 @@ def draw_progress(lines: Sequence[Line], groups: int, title: str, form: str) -> 
     legend = figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     for text in legend.get_texts():
         text.set_parse_math(False)
-    buffer = io.BytesIO()
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "comparison"}):
-        figure.savefig(buffer, format=form, dpi=150, metadata={"Date": None} if form == "svg" else None)
-    return buffer.getvalue()
+    return figure_bytes(figure, form, "comparison")
 
 
 def _draw_lines(axes: Axes, lines: Sequence[Line], colors: Sequence[Any], by: str) -> list[tuple[float, float, Line]]:

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import Any
 
-import psutil
 import torch
 from torch import Tensor
 from torch._subclasses.fake_tensor import FakeTensorMode
@@ -18,7 +16,7 @@ from torch._subclasses.fake_tensor import FakeTensorMode
 from mvtn_cli.config import TrainConfig
 from mvtn_cli.console import Console
 from mvtn_cli.core.networks.recogniser import Recogniser, build_recogniser
-from mvtn_cli.core.training.device import choose_device, use_mixed
+from mvtn_cli.core.training.device import choose_device, memory_of, use_mixed
 from mvtn_cli.core.training.split import training_indices
 from mvtn_cli.core.views import camera_positions
 from mvtn_cli.errors import MvtnError
@@ -120,37 +118,3 @@ def _kept_bytes(forward: Callable[[], Tensor]) -> int:
     total = sum(storage.nbytes() for storage in kept.values())
     del loss
     return total
-
-
-def memory_of(device: torch.device) -> int:
-    """Bytes of a device's memory: all of it, or what this process is allowed of it."""
-    if device.type == "cuda":
-        return int(torch.cuda.get_device_properties(device).total_memory)
-    if device.type == "mps":
-        return int(torch.mps.recommended_max_memory())
-    return min([psutil.virtual_memory().total, *memory_limits()])
-
-
-def memory_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> list[int]:
-    """Bytes that Linux allows this process: set by containers and batch systems on its group or one above.
-
-    Args:
-        root: Where the groups of both kinds are.
-        own: Says which one this process is in, for each kind.
-    """
-    try:
-        lines = [line.split(":", 2) for line in own.read_text(encoding="utf-8").splitlines()]
-    except OSError:
-        lines = []
-    places = {root / "memory.max", root / "memory" / "memory.limit_in_bytes"}
-    for _, kind, group in lines:
-        base, name = (root, "memory.max") if not kind else (root / "memory", "memory.limit_in_bytes")
-        place = base / group.lstrip("/")
-        places |= {folder / name for folder in (place, *place.parents) if folder.is_relative_to(base)}
-    limits = []
-    for place in places:
-        try:
-            limits.append(int(place.read_text(encoding="ascii")))
-        except (OSError, ValueError):  # no such group, or "max"
-            continue
-    return limits

@@ -1,8 +1,11 @@
-"""Which device and how many threads."""
+"""Which device, how much memory it has, and how many threads."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numba
+import psutil
 import torch
 
 from mvtn_cli.errors import UsageError
@@ -66,3 +69,37 @@ def use_mixed(precision: str, device: torch.device) -> bool:
     if precision == "auto":
         return device.type == "cuda" and torch.cuda.is_bf16_supported(including_emulation=False)
     return precision == "bf16"
+
+
+def memory_of(device: torch.device) -> int:
+    """Bytes of a device's memory: all of it, or what this process is allowed of it."""
+    if device.type == "cuda":
+        return int(torch.cuda.get_device_properties(device).total_memory)
+    if device.type == "mps":
+        return int(torch.mps.recommended_max_memory())
+    return min([psutil.virtual_memory().total, *memory_limits()])
+
+
+def memory_limits(root: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> list[int]:
+    """Bytes that Linux allows this process: set by containers and batch systems on its group or one above.
+
+    Args:
+        root: Where the groups of both kinds are.
+        own: Says which one this process is in, for each kind.
+    """
+    try:
+        lines = [line.split(":", 2) for line in own.read_text(encoding="utf-8").splitlines()]
+    except OSError:
+        lines = []
+    places = {root / "memory.max", root / "memory" / "memory.limit_in_bytes"}
+    for _, kind, group in lines:
+        base, name = (root, "memory.max") if not kind else (root / "memory", "memory.limit_in_bytes")
+        place = base / group.lstrip("/")
+        places |= {folder / name for folder in (place, *place.parents) if folder.is_relative_to(base)}
+    limits = []
+    for place in places:
+        try:
+            limits.append(int(place.read_text(encoding="ascii")))
+        except (OSError, ValueError):  # no such group, or "max"
+            continue
+    return limits

@@ -12,22 +12,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def save_figure(figure: Figure, folder: Path, name: str, salt: str) -> list[Path]:
-    """Write `NAME.svg` and `NAME.png`; the same plot gives the same bytes.
+def figure_bytes(figure: Figure, form: str, salt: str) -> bytes:
+    """The plot as a file of a format, "svg" or "png"; the same plot gives the same bytes.
 
     Args:
         figure: The plot.
-        folder: Where to.
-        name: Of both files.
+        form: The format.
         salt: Tells the marks of different plots apart where several stand on one page.
     """
     import matplotlib
 
-    paths = []
+    buffer = io.BytesIO()
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt}):
-        for suffix in ("svg", "png"):
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format=suffix, dpi=150, metadata={"Date": None} if suffix == "svg" else None)
-            paths.append(folder / f"{name}.{suffix}")
-            write_run_file(paths[-1], buffer.getvalue())
+        figure.savefig(buffer, format=form, dpi=150, metadata={"Date": None} if form == "svg" else None)
+    return buffer.getvalue()
+
+
+def save_figure(figure: Figure, folder: Path, name: str, salt: str) -> list[Path]:
+    """Write `NAME.svg` and `NAME.png` into a folder; else as `figure_bytes`."""
+    paths = [folder / f"{name}.{form}" for form in ("svg", "png")]
+    for path in paths:
+        write_run_file(path, figure_bytes(figure, path.suffix[1:], salt))
     return paths
